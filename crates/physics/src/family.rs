@@ -1,0 +1,274 @@
+//! Families and bonds as a model sees them: views into the flat arrays of one part of a body.
+
+use crate::scalar::{ROW, Scalar, VOLUME_WORD, is_intact};
+use crate::tensor::{Linear, Vector};
+
+/// The arrays behind a set of families. Points are numbered locally; the first ones own families, the rest (the halo)
+/// are only neighbours. Bond slots come in blocks of eight: the last block of a family is filled with copies of its
+/// last bond that are not intact.
+///
+/// `R` is the number type of the displacements: `f64` or jets.
+#[derive(Clone, Copy)]
+pub struct Configuration<'a, R> {
+    /// Time [s].
+    pub time: f64,
+    /// Rows (x, y, z, V): reference position and volume V (length × area in 1D, area × thickness in 2D).
+    pub coordinates: &'a [f64],
+    /// Rows (u, v, w, –): displacements.
+    pub displacement: &'a [R],
+    /// Rows (u̇, v̇, ẇ, –), or empty: velocities.
+    pub velocity: &'a [f64],
+    /// Horizon δ per point.
+    pub horizon: &'a [f64],
+    /// Temperature change against the reference per point, or empty.
+    pub temperature: &'a [f64],
+    /// First bond slot of each family, and one more; multiples of eight.
+    pub start: &'a [u32],
+    /// Far point of each bond slot.
+    pub neighbor: &'a [u32],
+    /// Reference length |ξ| of each bond slot.
+    pub length: &'a [f64],
+    /// Stored influence ω per bond slot, or empty where it is constant.
+    pub weight: &'a [f64],
+    /// One bit a bond slot.
+    pub intact: &'a [u8],
+    /// Committed history of the points: `memory_words` words each.
+    pub memory: &'a [f64],
+    /// Words of history per point.
+    pub memory_words: usize,
+    /// Committed history of the bonds: word `k` of all slots, then word `k + 1`.
+    pub bond_memory: &'a [f64],
+}
+
+/// The family `H_x` of a material point: its intact bonds.
+pub struct Family<'a, S: Scalar, const D: usize> {
+    arrays: &'a Configuration<'a, S::Sum>,
+    point: usize,
+}
+
+/// A family in its reference configuration: what a shape may depend on.
+pub struct Reference<'a, const D: usize>(Family<'a, f64, D>);
+
+/// A bond ξ (or several, for lanes) of a family.
+pub struct Bond<'a, S: Scalar, const D: usize> {
+    arrays: &'a Configuration<'a, S::Sum>,
+    point: usize,
+    slot: usize,
+    far: S::Index,
+}
+
+impl<S: Scalar, const D: usize> Clone for Family<'_, S, D> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<S: Scalar, const D: usize> Copy for Family<'_, S, D> {}
+impl<S: Scalar, const D: usize> Clone for Bond<'_, S, D> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<S: Scalar, const D: usize> Copy for Bond<'_, S, D> {}
+impl<const D: usize> Clone for Reference<'_, D> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<const D: usize> Copy for Reference<'_, D> {}
+
+impl<'a, S: Scalar, const D: usize> Family<'a, S, D> {
+    /// The family of local point `point`.
+    #[inline(always)]
+    pub fn new(arrays: &'a Configuration<'a, S::Sum>, point: usize) -> Self {
+        Family { arrays, point }
+    }
+    /// Calls `f` for every intact bond (lanes: for every block, broken bonds included, whose `volume` is zero).
+    #[inline(always)]
+    pub fn each(self, mut f: impl FnMut(Bond<'a, S, D>)) {
+        let a = self.arrays;
+        let (mut slot, end) = (a.start[self.point] as usize, a.start[self.point + 1] as usize);
+        while slot < end {
+            if S::WIDTH > 1 || is_intact(a.intact, slot) {
+                f(Bond { arrays: a, point: self.point, slot, far: S::index(a.neighbor, slot) });
+            }
+            slot += S::WIDTH;
+        }
+    }
+    /// `∫_H f(ξ) dV′` over the intact bonds.
+    #[inline(always)]
+    pub fn integrate<T: Linear<S>>(self, f: impl Fn(Bond<'a, S, D>) -> T) -> T::Total {
+        let mut t = T::nothing();
+        self.each(
+            #[inline(always)]
+            |b| t.add_times(b.volume(), f(b)),
+        );
+        t.total()
+    }
+    /// Horizon δ of the family's point.
+    #[inline(always)]
+    pub fn horizon(self) -> f64 {
+        self.arrays.horizon[self.point]
+    }
+    /// Time.
+    #[inline(always)]
+    pub fn time(self) -> f64 {
+        self.arrays.time
+    }
+    /// Temperature change of the family's point against the reference temperature.
+    #[inline(always)]
+    pub fn temperature(self) -> f64 {
+        self.arrays.temperature.get(self.point).copied().unwrap_or(0.0)
+    }
+    /// Committed history word `k` of the family's point.
+    #[inline(always)]
+    pub fn memory(self, k: usize) -> f64 {
+        self.arrays.memory[self.point * self.arrays.memory_words + k]
+    }
+    /// Whether the velocities of the points are known.
+    #[inline(always)]
+    pub fn has_velocity(self) -> bool {
+        !self.arrays.velocity.is_empty()
+    }
+    /// Number of intact bonds.
+    pub fn size(self) -> usize {
+        let a = self.arrays;
+        (a.start[self.point] as usize..a.start[self.point + 1] as usize).filter(|&s| is_intact(a.intact, s)).count()
+    }
+    /// First bond slot of the family.
+    pub fn first_slot(self) -> usize {
+        self.arrays.start[self.point] as usize
+    }
+}
+
+impl<'a, const D: usize> Reference<'a, D> {
+    /// The reference family of local point `point`.
+    pub fn new(arrays: &'a Configuration<'a, f64>, point: usize) -> Self {
+        Reference(Family::new(arrays, point))
+    }
+    /// `∫_H f(ξ) dV′` over the intact bonds.
+    #[inline(always)]
+    pub fn integrate<T: Linear<f64>>(self, f: impl Fn(ReferenceBond<'a, D>) -> T) -> T::Total {
+        self.0.integrate(
+            #[inline(always)]
+            |b| f(ReferenceBond(b)),
+        )
+    }
+    /// Horizon δ of the family's point.
+    pub fn horizon(self) -> f64 {
+        self.0.horizon()
+    }
+    /// Number of intact bonds.
+    pub fn size(self) -> usize {
+        self.0.size()
+    }
+}
+
+/// A bond of a reference family: knows no deformation.
+#[derive(Clone, Copy)]
+pub struct ReferenceBond<'a, const D: usize>(Bond<'a, f64, D>);
+
+/// What the reference configuration tells of a bond.
+pub trait Undeformed<S: Scalar, const D: usize>: Copy {
+    /// Stored influence.
+    fn weight(self) -> S;
+    /// Reference length |ξ|.
+    fn length(self) -> S;
+}
+impl<S: Scalar, const D: usize> Undeformed<S, D> for Bond<'_, S, D> {
+    #[inline(always)]
+    fn weight(self) -> S {
+        S::load(self.arrays.weight, self.slot)
+    }
+    #[inline(always)]
+    fn length(self) -> S {
+        S::load(self.arrays.length, self.slot)
+    }
+}
+impl<const D: usize> Undeformed<f64, D> for ReferenceBond<'_, D> {
+    #[inline(always)]
+    fn weight(self) -> f64 {
+        self.0.weight()
+    }
+    #[inline(always)]
+    fn length(self) -> f64 {
+        self.0.length()
+    }
+}
+impl<const D: usize> ReferenceBond<'_, D> {
+    /// Reference bond vector ξ = x′ − x.
+    #[inline(always)]
+    pub fn xi(self) -> Vector<f64, D> {
+        self.0.xi()
+    }
+    /// Volume of the far point.
+    #[inline(always)]
+    pub fn volume(self) -> f64 {
+        self.0.volume()
+    }
+}
+
+impl<'a, S: Scalar, const D: usize> Bond<'a, S, D> {
+    #[inline(always)]
+    fn difference(far: [S; ROW], near: [S; ROW]) -> Vector<S, D> {
+        Vector(crate::scalar::array(
+            #[inline(always)]
+            |k| far[k] - near[k],
+        ))
+    }
+    /// Reference bond vector ξ = x′ − x.
+    #[inline(always)]
+    pub fn xi(self) -> Vector<S, D> {
+        let x = self.arrays.coordinates;
+        Self::difference(S::row_f64(x, self.far), S::row_f64(x, S::splat_index(self.point)))
+    }
+    /// Relative displacement η = u′ − u.
+    #[inline(always)]
+    pub fn eta(self) -> Vector<S, D> {
+        let u = self.arrays.displacement;
+        Self::difference(S::row(u, self.far), S::row(u, S::splat_index(self.point)))
+    }
+    /// Relative velocity η̇ = u̇′ − u̇.
+    #[inline(always)]
+    pub fn eta_rate(self) -> Vector<S, D> {
+        let v = self.arrays.velocity;
+        Self::difference(S::row_f64(v, self.far), S::row_f64(v, S::splat_index(self.point)))
+    }
+    /// Extension e = |Y| − |ξ| and the unit vector along Y = ξ + η. The extension comes from
+    /// `(2ξ·η + η·η)/(|Y| + |ξ|)`, so small strains keep all their digits and an undeformed bond has exactly none.
+    #[inline(always)]
+    pub fn extension(self) -> (S, Vector<S, D>) {
+        let (xi, eta, length) = (self.xi(), self.eta(), self.length());
+        let growth = eta.dot(xi * S::of(2.0) + eta);
+        let square = length.fma(length, growth);
+        let inverse = square.rsqrt();
+        (growth / square.fma(inverse, length), (xi + eta) * inverse)
+    }
+    /// Volume V′ of the far point, zero where the bond is broken.
+    #[inline(always)]
+    pub fn volume(self) -> S {
+        S::row_f64(self.arrays.coordinates, self.far)[VOLUME_WORD].masked(self.arrays.intact, self.slot)
+    }
+    /// Volume V of the near point, zero where the bond is broken.
+    #[inline(always)]
+    pub fn near_volume(self) -> S {
+        S::of(self.arrays.coordinates[self.point * ROW + VOLUME_WORD]).masked(self.arrays.intact, self.slot)
+    }
+    /// Committed history word `k` of the bond.
+    #[inline(always)]
+    pub fn memory(self, k: usize) -> S {
+        let a = self.arrays;
+        S::load(&a.bond_memory[k * a.neighbor.len()..], self.slot)
+    }
+    /// The far point.
+    #[inline(always)]
+    pub fn far(self) -> S::Index {
+        self.far
+    }
+    /// The (first) bond slot.
+    #[inline(always)]
+    pub fn slot(self) -> usize {
+        self.slot
+    }
+}

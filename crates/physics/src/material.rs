@@ -1,0 +1,55 @@
+//! The core trait: a peridynamic material is an energy density of the deformed family and its Fréchet derivative.
+
+use crate::family::{Bond, Family, Reference};
+use crate::scalar::{Record, Scalar};
+use crate::tensor::Vector;
+
+/// The family cannot carry the model: too few bonds, or all of them in a line or plane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SingularFamily;
+
+/// A peridynamic material: the energy density `W(Y)` of one family and its Fréchet derivative `T = ∇W(Y)`, so that
+/// `dW = ∫_H T⟨ξ⟩·dη⟨ξ⟩ dV′`.
+///
+/// The force density of a body follows as `f(x) = ∫_H (T[x]⟨ξ⟩ − T[x′]⟨−ξ⟩) dV′`. A model writes what the deformed
+/// family reduces to ([`State`](Self::State)) and the force state of a bond given that; it has no loop over points.
+/// `state`, `force` and `energy_density` neither allocate nor fail.
+pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
+    /// Words of history a point keeps.
+    const MEMORY: usize = 0;
+    /// Words of history a bond keeps.
+    const BOND_MEMORY: usize = 0;
+    /// Whether the force depends on the velocities.
+    const RATE: bool = false;
+    /// Whether the force state is the derivative of the energy density (at fixed history, velocity and temperature).
+    const CONSERVATIVE: bool = true;
+    /// Whether the influence is stored with the bonds.
+    const STORED_INFLUENCE: bool;
+
+    /// The material constants at a point.
+    type Constants: Copy + Send + Sync + 'static;
+    /// What the reference family alone decides.
+    type Shape: Copy + Send + Sync + 'static;
+    /// All that a force needs to know of the deformed family.
+    type State<R: Scalar>: Record<R>;
+
+    /// The shape of a family. The only call that can fail.
+    fn shape(&self, constants: &Self::Constants, h: Reference<D>) -> Result<Self::Shape, SingularFamily>;
+    /// The shape after bonds of the family broke; by default the reference shape is kept.
+    fn reshape(&self, _: &Self::Constants, shape: &Self::Shape, _: Reference<D>) -> Result<Self::Shape, SingularFamily> {
+        Ok(*shape)
+    }
+    /// What the deformed family reduces to.
+    fn state<S: Scalar>(&self, constants: &Self::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum>;
+    /// The force state `T⟨ξ⟩` [N/m⁶ in 3D].
+    fn force<S: Scalar>(&self, state: &Self::State<S>, b: Bond<S, D>) -> Vector<S, D>;
+    /// The energy density `W` [J/m³].
+    fn energy_density<S: Scalar>(&self, constants: &Self::Constants, shape: &Self::Shape, h: Family<S, D>) -> S::Sum;
+    /// Writes the history of an accepted increment: `point` holds [`MEMORY`](Self::MEMORY) words, `bonds[k]` word `k`
+    /// of the family's slots, from its first one.
+    fn commit(&self, _: &Self::Constants, _: &Self::Shape, _: Family<f64, D>, _point: &mut [f64], _bonds: &mut [&mut [f64]]) {}
+    /// Stress across the plane (or the bar), given the stress within (two dimensions: plane strain), for output only.
+    fn out_of_plane_stress(&self, _: &Self::Constants, _in_plane: &crate::tensor::Matrix<f64, D>) -> f64 {
+        0.0
+    }
+}

@@ -1,0 +1,9 @@
+//! The models. A file holds equations only: what the deformed family reduces to, and the force state of a bond.
+
+mod bond_based;
+mod correspondence;
+mod linear_peridynamic_solid;
+
+pub use bond_based::{BondBased, BondBasedConstants};
+pub use correspondence::Correspondence;
+pub use linear_peridynamic_solid::{LinearPeridynamicSolid, LinearPeridynamicSolidConstants};

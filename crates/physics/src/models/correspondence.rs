@@ -1,0 +1,121 @@
+use crate::constitutive::{Deformation, Law};
+use crate::family::{Bond, Family, Reference};
+use crate::influence::Influence;
+use crate::material::{Material, SingularFamily};
+use crate::scalar::{Scalar, lift};
+use crate::tensor::{Matrix, Vector};
+use crate::zero_energy::Control;
+
+/// Smallest eigenvalue of a shape tensor over its largest below which a family counts as flat.
+pub const FLAT_FAMILY: f64 = 1e-6;
+
+/// Correspondence: a law of classical mechanics, evaluated on the nonlocal deformation gradient of the family.
+///
+/// # Equations
+/// $$ K = \int\omega\,\xi\otimes\xi\,dV', \qquad F = 1 + \Big(\int\omega\,\eta\otimes\xi\,dV'\Big)K^{-1}, \qquad
+///    T\langle\xi\rangle = \omega\,P K^{-1}\xi + \omega A z, \quad z = \eta - (F-1)\xi $$
+/// $$ W = \psi(F) + \tfrac12\int\omega\,z\cdot A z\,dV', \qquad P = \partial\psi/\partial F $$
+///
+/// with the tensor A of the zero-energy control.
+///
+/// # Source
+/// Silling et al., J. Elasticity 88 (2007) 151–184, section 18; Roy Chowdhury et al. (2019), eq. [1]–[4]; Wan et al. (2019)
+/// for the control.
+///
+/// # Units
+/// K [m⁵], P [Pa], T [N/m⁶], W [J/m³], in 3D.
+///
+/// # Holds when
+/// the family has d independent bonds. Affine maps are exact for every family; F is second order in δ in the interior
+/// and first order near surfaces.
+///
+/// # Fails when
+/// no control is used: on a lattice every wave vector with components in {0, π/Δx} deforms without energy.
+///
+/// # Differs from the source
+/// P = J σ F⁻ᵀ for laws that give σ (the documentation page followed here once printed J σ F). The influence function
+/// acts in the control too. K is rebuilt from the intact bonds when bonds break.
+///
+/// # Verified by
+/// `physics/tests/contract.rs`, `bodies/tests/symbol.rs`, `decks/patch-tests`, `decks/checkerboard`, `decks/plate-with-hole`.
+#[derive(Clone, Copy, Debug)]
+pub struct Correspondence<L, Z, I> {
+    /// The constitutive law.
+    pub law: L,
+    /// The zero-energy control.
+    pub control: Z,
+    /// The influence function.
+    pub omega: I,
+}
+
+impl<L, Z, I: Influence> Correspondence<L, Z, I> {
+    /// F − 1 = (∫ ω η ⊗ ξ dV′) K⁻¹
+    #[inline(always)]
+    fn gradient<S: Scalar, const D: usize>(&self, inverse: &Matrix<f64, D>, h: Family<S, D>) -> Matrix<S::Sum, D> {
+        h.integrate(
+            #[inline(always)]
+            |b| b.eta().outer(b.xi() * self.omega.at(b)),
+        ) * inverse.to()
+    }
+    /// What the law sees.
+    #[inline(always)]
+    fn deformation<S: Scalar, const D: usize>(&self, rate: bool, inverse: &Matrix<f64, D>, h: Family<S, D>) -> Deformation<S::Sum, D> {
+        let rate = if rate && h.has_velocity() {
+            h.integrate(
+                #[inline(always)]
+                |b| b.eta_rate().outer(b.xi() * self.omega.at(b)),
+            ) * inverse.to()
+        } else {
+            Matrix::zero()
+        };
+        Deformation { gradient: self.gradient(inverse, h), rate, temperature: h.temperature(), time: h.time() }
+    }
+}
+
+impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Correspondence<L, Z, I> {
+    const RATE: bool = L::RATE;
+    const CONSERVATIVE: bool = L::HYPERELASTIC;
+    const STORED_INFLUENCE: bool = I::STORED;
+    type Constants = L::Constants;
+    /// K⁻¹ and A
+    type Shape = (Matrix<f64, D>, Z::Shape);
+    /// P K⁻¹ − A (F − 1), and A
+    type State<R: Scalar> = (Matrix<R, D>, Z::State<R>);
+
+    fn shape(&self, c: &L::Constants, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
+        let k: Matrix<f64, D> = h.integrate(|b| b.xi().outer(b.xi()) * self.omega.at(b));
+        let inverse = k.inverse_if_regular(FLAT_FAMILY).ok_or(SingularFamily)?;
+        Ok((inverse, self.control.shape(&self.law.stiffness(c), &inverse, self.omega, h)))
+    }
+    fn reshape(&self, c: &L::Constants, _: &Self::Shape, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
+        self.shape(c, h)
+    }
+    #[inline(always)]
+    fn state<S: Scalar>(&self, c: &L::Constants, (inverse, a): &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
+        let f = self.deformation(L::RATE, inverse, h);
+        let p = self.law.first_piola(c, &f);
+        self.control.state(a, p * inverse.to(), &f.gradient)
+    }
+    #[inline(always)]
+    fn force<S: Scalar>(&self, (q, a): &Self::State<S>, b: Bond<S, D>) -> Vector<S, D> {
+        let control = self.control.force(
+            a,
+            #[inline(always)]
+            || b.eta(),
+        );
+        (*q * b.xi() + control) * self.omega.at(b)
+    }
+    #[inline(always)]
+    fn energy_density<S: Scalar>(&self, c: &L::Constants, (inverse, a): &Self::Shape, h: Family<S, D>) -> S::Sum {
+        let f = self.deformation(L::RATE, inverse, h);
+        let gradient: Matrix<S, D> = lift::<S, _, _>(&f.gradient);
+        let control = h.integrate(
+            #[inline(always)]
+            |b| self.control.energy::<S>(a, b.eta() - gradient * b.xi()) * self.omega.at(b),
+        );
+        self.law.energy(c, &f) + control
+    }
+    fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
+        self.law.stiffness(c).out_of_plane_stress(s)
+    }
+}

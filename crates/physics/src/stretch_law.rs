@@ -1,0 +1,216 @@
+//! Bond force as a law of the bond stretch s = e/|ξ|, for the bond-based solid: the dimensionless force g(s) with g ≈ s
+//! for small s, and its (incremental) potential.
+
+use crate::scalar::Scalar;
+use std::sync::Arc;
+
+/// A law of the bond stretch. `past(k)` is committed history word `k` of the bond.
+pub trait StretchLaw: Clone + Send + Sync + 'static {
+    /// Words of history a bond keeps.
+    const BOND_MEMORY: usize = 0;
+    /// g(s)
+    fn force<S: Scalar>(&self, s: S, past: impl Fn(usize) -> S) -> S;
+    /// Γ(s) with dΓ/ds = g at fixed history.
+    fn potential<S: Scalar>(&self, s: S, past: impl Fn(usize) -> S) -> S;
+    /// The history after an accepted increment that ends at stretch `s`.
+    fn commit(&self, _s: f64, _memory: &mut [f64]) {}
+}
+
+/// g = s
+#[derive(Clone, Copy, Debug)]
+pub struct Elastic;
+impl StretchLaw for Elastic {
+    #[inline(always)]
+    fn force<S: Scalar>(&self, s: S, _: impl Fn(usize) -> S) -> S {
+        s
+    }
+    #[inline(always)]
+    fn potential<S: Scalar>(&self, s: S, _: impl Fn(usize) -> S) -> S {
+        s * s * 0.5
+    }
+}
+
+/// g = s in tension, 0 in compression.
+#[derive(Clone, Copy, Debug)]
+pub struct TensionOnly;
+impl StretchLaw for TensionOnly {
+    #[inline(always)]
+    fn force<S: Scalar>(&self, s: S, _: impl Fn(usize) -> S) -> S {
+        s.max(S::of(0.0))
+    }
+    #[inline(always)]
+    fn potential<S: Scalar>(&self, s: S, past: impl Fn(usize) -> S) -> S {
+        let g = self.force(s, past);
+        g * g * 0.5
+    }
+}
+
+/// Elastic up to a peak stretch, then linear softening to no force at the failure stretch; unloading goes straight to the
+/// origin, compression is elastic. The bond remembers its largest stretch.
+#[derive(Clone, Copy, Debug)]
+pub struct Bilinear {
+    /// Stretch of the largest force.
+    pub peak: f64,
+    /// Stretch without force; above `peak`.
+    pub failure: f64,
+}
+impl Bilinear {
+    /// Largest stretch so far, at least the peak.
+    #[inline(always)]
+    fn reached<S: Scalar>(&self, past: impl Fn(usize) -> S) -> S {
+        past(0).max(S::of(self.peak))
+    }
+    /// Force on the envelope beyond the peak.
+    #[inline(always)]
+    fn envelope<S: Scalar>(&self, s: S) -> S {
+        ((S::of(self.failure) - s) * (self.peak / (self.failure - self.peak))).max(S::of(0.0))
+    }
+}
+impl StretchLaw for Bilinear {
+    const BOND_MEMORY: usize = 1;
+    #[inline(always)]
+    fn force<S: Scalar>(&self, s: S, past: impl Fn(usize) -> S) -> S {
+        let r = self.reached(past);
+        let unloading = (-s).select(s, s * (self.envelope(r) / r));
+        (r - s).select(unloading, self.envelope(s))
+    }
+    #[inline(always)]
+    fn potential<S: Scalar>(&self, s: S, past: impl Fn(usize) -> S) -> S {
+        let r = self.reached(past);
+        let k = self.envelope(r) / r;
+        let unloading = (-s).select(s * s * 0.5, s * s * k * 0.5);
+        // beyond r the area under the envelope, a triangle of height `envelope` less the one that is left
+        let side = (self.failure - self.peak) / self.peak * 0.5;
+        let (a, b) = (self.envelope(r), self.envelope(s));
+        let loading = r * a * 0.5 + (a * a - b * b) * side;
+        (r - s).select(unloading, loading)
+    }
+    fn commit(&self, s: f64, memory: &mut [f64]) {
+        memory[0] = memory[0].max(s);
+    }
+}
+
+/// Elastic, perfectly plastic at ± the yield stretch. The bond remembers its plastic stretch.
+#[derive(Clone, Copy, Debug)]
+pub struct ElasticPlastic {
+    /// Stretch at first yield.
+    pub yield_stretch: f64,
+}
+impl StretchLaw for ElasticPlastic {
+    const BOND_MEMORY: usize = 1;
+    #[inline(always)]
+    fn force<S: Scalar>(&self, s: S, past: impl Fn(usize) -> S) -> S {
+        (s - past(0)).max(S::of(-self.yield_stretch)).min(S::of(self.yield_stretch))
+    }
+    #[inline(always)]
+    fn potential<S: Scalar>(&self, s: S, past: impl Fn(usize) -> S) -> S {
+        let elastic = s - past(0);
+        let g = self.force(s, past);
+        g * (elastic - g * 0.5)
+    }
+    fn commit(&self, s: f64, memory: &mut [f64]) {
+        let elastic = s - memory[0];
+        memory[0] += elastic - elastic.clamp(-self.yield_stretch, self.yield_stretch);
+    }
+}
+
+/// A law given by values at equally spaced stretches, linear between them and beyond the ends.
+#[derive(Clone, Debug)]
+pub struct Tabulated {
+    first: f64,
+    spacing: f64,
+    force: Arc<[f64]>,
+    potential: Arc<[f64]>,
+}
+impl Tabulated {
+    /// Samples `g` at `intervals + 1` stretches from `first` to `last`; the potential is zero at s = 0.
+    pub fn new(first: f64, last: f64, intervals: usize, g: impl Fn(f64) -> f64) -> Self {
+        let spacing = (last - first) / intervals as f64;
+        let force: Arc<[f64]> = (0..=intervals).map(|k| g(first + spacing * k as f64)).collect();
+        let mut sum = 0.0;
+        let potential = (0..=intervals)
+            .map(|k| {
+                if k > 0 {
+                    sum += 0.5 * (force[k - 1] + force[k]) * spacing;
+                }
+                sum
+            })
+            .collect();
+        let mut table = Tabulated { first, spacing, force, potential };
+        let at_zero = table.evaluate(0.0).0;
+        table.potential = table.potential.iter().map(|p| p - at_zero).collect();
+        table
+    }
+    /// Potential, force and slope.
+    #[inline(always)]
+    fn evaluate(&self, s: f64) -> (f64, f64, f64) {
+        let position = (s - self.first) / self.spacing;
+        let k = (position.max(0.0) as usize).min(self.force.len() - 2);
+        let ds = s - (self.first + self.spacing * k as f64);
+        let slope = (self.force[k + 1] - self.force[k]) / self.spacing;
+        (self.potential[k] + ds * (self.force[k] + 0.5 * slope * ds), self.force[k] + slope * ds, slope)
+    }
+}
+impl StretchLaw for Tabulated {
+    #[inline(always)]
+    fn force<S: Scalar>(&self, s: S, _: impl Fn(usize) -> S) -> S {
+        s.map(
+            #[inline(always)]
+            |s| {
+                let (_, g, slope) = self.evaluate(s);
+                (g, slope)
+            },
+        )
+    }
+    #[inline(always)]
+    fn potential<S: Scalar>(&self, s: S, _: impl Fn(usize) -> S) -> S {
+        s.map(
+            #[inline(always)]
+            |s| {
+                let (potential, g, _) = self.evaluate(s);
+                (potential, g)
+            },
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bilinear_envelope_and_unloading() {
+        let law = Bilinear { peak: 0.01, failure: 0.03 };
+        let g = |s: f64, r: f64| law.force(s, |_| r);
+        assert_eq!(g(0.005, 0.0), 0.005);
+        assert!((g(0.02, 0.0) - 0.005).abs() < 1e-17);
+        // unloaded from 0.02 halfway: secant
+        assert!((g(0.01, 0.02) - 0.0025).abs() < 1e-17);
+        assert_eq!(g(-0.01, 0.02), -0.01);
+        assert_eq!(g(0.04, 0.0), 0.0);
+        // work to failure: half of peak × failure
+        assert!((law.potential(0.05, |_| 0.0) - 0.5 * 0.01 * 0.03).abs() < 1e-18);
+        let mut memory = [0.0];
+        law.commit(0.02, &mut memory);
+        law.commit(0.01, &mut memory);
+        assert_eq!(memory, [0.02]);
+    }
+
+    #[test]
+    fn plastic_stretch_stays() {
+        let law = ElasticPlastic { yield_stretch: 0.01 };
+        let mut memory = [0.0];
+        law.commit(0.03, &mut memory);
+        assert!((memory[0] - 0.02).abs() < 1e-17);
+        assert!((law.force(0.02, |_| memory[0])).abs() < 1e-17);
+        assert_eq!(law.force(-1.0, |_| memory[0]), -0.01);
+    }
+
+    #[test]
+    fn a_table_reproduces_a_parabola_at_its_knots() {
+        let law = Tabulated::new(-0.1, 0.1, 200, |s| s - 3.0 * s * s);
+        assert!((law.force(0.05, |_| 0.0) - (0.05 - 0.0075)).abs() < 1e-15);
+        // potential s²/2 − s³, trapezoidal error h²/12·f″·s
+        assert!((law.potential(0.1, |_| 0.0) - (0.005 - 0.001)).abs() < 1e-6 * 0.06);
+    }
+}

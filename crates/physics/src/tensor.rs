@@ -1,0 +1,472 @@
+//! Vectors and second-order tensors of dimension `D` over any [`Scalar`], and what a sum over bonds can add up.
+
+use crate::scalar::{Record, Scalar, array};
+use std::ops::{Add, Mul, Neg, Sub};
+
+/// A vector of dimension `D`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vector<S, const D: usize>(pub [S; D]);
+
+/// A second-order tensor of dimension `D`, rows first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Matrix<S, const D: usize>(pub [[S; D]; D]);
+
+impl<S: Scalar, const D: usize> Vector<S, D> {
+    /// The null vector.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Vector([S::of(0.0); D])
+    }
+    /// a · b
+    #[inline(always)]
+    pub fn dot(self, o: Self) -> S {
+        let mut r = self.0[0] * o.0[0];
+        let mut k = 1;
+        while k < D {
+            r = self.0[k].fma(o.0[k], r);
+            k += 1;
+        }
+        r
+    }
+    /// a ⊗ b
+    #[inline(always)]
+    pub fn outer(self, o: Self) -> Matrix<S, D> {
+        Matrix(array(
+            #[inline(always)]
+            |a| {
+                array(
+                    #[inline(always)]
+                    |b| self.0[a] * o.0[b],
+                )
+            },
+        ))
+    }
+    /// |a|
+    #[inline(always)]
+    pub fn norm(self) -> S {
+        self.dot(self).sqrt()
+    }
+}
+
+impl<S: Scalar, const D: usize> Matrix<S, D> {
+    /// The null tensor.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Matrix([[S::of(0.0); D]; D])
+    }
+    /// s 1
+    #[inline(always)]
+    pub fn scaled_identity(s: S) -> Self {
+        let mut m = Self::zero();
+        for k in 0..D {
+            m.0[k][k] = s;
+        }
+        m
+    }
+    /// 1
+    #[inline(always)]
+    pub fn identity() -> Self {
+        Self::scaled_identity(S::of(1.0))
+    }
+    /// Aᵀ
+    #[inline(always)]
+    pub fn transpose(self) -> Self {
+        Matrix(array(
+            #[inline(always)]
+            |a| {
+                array(
+                    #[inline(always)]
+                    |b| self.0[b][a],
+                )
+            },
+        ))
+    }
+    /// tr A
+    #[inline(always)]
+    pub fn trace(self) -> S {
+        let mut r = self.0[0][0];
+        for k in 1..D {
+            r += self.0[k][k];
+        }
+        r
+    }
+    /// (A + Aᵀ)/2
+    #[inline(always)]
+    pub fn symmetric(self) -> Self {
+        (self + self.transpose()) * S::of(0.5)
+    }
+    /// A : B
+    #[inline(always)]
+    pub fn double_dot(self, o: Self) -> S {
+        let mut r = S::of(0.0);
+        for a in 0..D {
+            for b in 0..D {
+                r = self.0[a][b].fma(o.0[a][b], r);
+            }
+        }
+        r
+    }
+    /// det A for D ≤ 3
+    #[inline(always)]
+    pub fn determinant(self) -> S {
+        let a = &self.0;
+        match D {
+            1 => a[0][0],
+            2 => a[0][0] * a[1][1] - a[0][1] * a[1][0],
+            _ => {
+                a[0][0] * (a[1][1] * a[2][2] - a[1][2] * a[2][1]) - a[0][1] * (a[1][0] * a[2][2] - a[1][2] * a[2][0])
+                    + a[0][2] * (a[1][0] * a[2][1] - a[1][1] * a[2][0])
+            }
+        }
+    }
+    /// The cofactor tensor (det A) A⁻ᵀ for D ≤ 3: needs no division.
+    #[inline(always)]
+    pub fn cofactor(self) -> Self {
+        let a = &self.0;
+        let mut r = Self::zero();
+        match D {
+            1 => r.0[0][0] = S::of(1.0),
+            2 => {
+                r.0[0][0] = a[1][1];
+                r.0[0][1] = -a[1][0];
+                r.0[1][0] = -a[0][1];
+                r.0[1][1] = a[0][0];
+            }
+            _ => {
+                for i in 0..3 {
+                    for j in 0..3 {
+                        let (p, q, s, t) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
+                        r.0[i][j] = a[p][s] * a[q][t] - a[p][t] * a[q][s];
+                    }
+                }
+            }
+        }
+        r
+    }
+    /// A⁻¹; not finite where A is singular.
+    #[inline(always)]
+    pub fn inverse(self) -> Self {
+        let c = self.cofactor();
+        let mut det = self.0[0][0] * c.0[0][0];
+        for k in 1..D {
+            det = self.0[0][k].fma(c.0[0][k], det);
+        }
+        c.transpose() * (S::of(1.0) / det)
+    }
+}
+
+impl<const D: usize> Matrix<f64, D> {
+    /// The tensor over another number type.
+    #[inline(always)]
+    pub fn to<S: Scalar>(self) -> Matrix<S, D> {
+        Matrix(array(
+            #[inline(always)]
+            |a| {
+                array(
+                    #[inline(always)]
+                    |b| S::of(self.0[a][b]),
+                )
+            },
+        ))
+    }
+    /// Eigenvalues of a symmetric tensor in ascending order (cyclic Jacobi rotations).
+    pub fn eigenvalues(self) -> [f64; D] {
+        let mut a = self.0;
+        for _ in 0..50 {
+            let scale: f64 = a.iter().flatten().fold(0.0, |m, x| m.max(x.abs()));
+            let mut off = 0.0f64;
+            for p in 0..D {
+                for q in p + 1..D {
+                    off = off.max(a[p][q].abs());
+                    if a[p][q] == 0.0 {
+                        continue;
+                    }
+                    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+                    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+                    let c = 1.0 / (t * t + 1.0).sqrt();
+                    let s = t * c;
+                    for k in 0..D {
+                        let (x, y) = (a[k][p], a[k][q]);
+                        a[k][p] = c * x - s * y;
+                        a[k][q] = s * x + c * y;
+                    }
+                    for k in 0..D {
+                        let (x, y) = (a[p][k], a[q][k]);
+                        a[p][k] = c * x - s * y;
+                        a[q][k] = s * x + c * y;
+                    }
+                }
+            }
+            if off <= 1e-16 * scale {
+                break;
+            }
+        }
+        let mut e: [f64; D] = std::array::from_fn(|k| a[k][k]);
+        e.sort_by(f64::total_cmp);
+        e
+    }
+    /// A⁻¹ of a symmetric positive tensor, `None` where its smallest eigenvalue is below `ratio` times its largest.
+    pub fn inverse_if_regular(self, ratio: f64) -> Option<Self> {
+        let e = self.eigenvalues();
+        // written so that a NaN is not regular
+        (e[0] > ratio * e[D - 1]).then(|| self.inverse())
+    }
+}
+
+impl<S: Scalar, const D: usize> Add for Vector<S, D> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, o: Self) -> Self {
+        Vector(array(
+            #[inline(always)]
+            |k| self.0[k] + o.0[k],
+        ))
+    }
+}
+impl<S: Scalar, const D: usize> Sub for Vector<S, D> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, o: Self) -> Self {
+        Vector(array(
+            #[inline(always)]
+            |k| self.0[k] - o.0[k],
+        ))
+    }
+}
+impl<S: Scalar, const D: usize> Neg for Vector<S, D> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Vector(array(
+            #[inline(always)]
+            |k| -self.0[k],
+        ))
+    }
+}
+impl<S: Scalar, const D: usize> Mul<S> for Vector<S, D> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, s: S) -> Self {
+        Vector(array(
+            #[inline(always)]
+            |k| self.0[k] * s,
+        ))
+    }
+}
+macro_rules! entrywise {
+    ($trait:ident, $f:ident) => {
+        impl<S: Scalar, const D: usize> $trait for Matrix<S, D> {
+            type Output = Self;
+            #[inline(always)]
+            fn $f(self, o: Self) -> Self {
+                Matrix(array(
+                    #[inline(always)]
+                    |a| {
+                        array(
+                            #[inline(always)]
+                            |b| self.0[a][b].$f(o.0[a][b]),
+                        )
+                    },
+                ))
+            }
+        }
+    };
+}
+entrywise!(Add, add);
+entrywise!(Sub, sub);
+impl<S: Scalar, const D: usize> Mul<S> for Matrix<S, D> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, s: S) -> Self {
+        Matrix(array(
+            #[inline(always)]
+            |a| {
+                array(
+                    #[inline(always)]
+                    |b| self.0[a][b] * s,
+                )
+            },
+        ))
+    }
+}
+impl<S: Scalar, const D: usize> Mul for Matrix<S, D> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, o: Self) -> Self {
+        let t = o.transpose();
+        Matrix(array(
+            #[inline(always)]
+            |a| {
+                array(
+                    #[inline(always)]
+                    |b| Vector(self.0[a]).dot(Vector(t.0[b])),
+                )
+            },
+        ))
+    }
+}
+impl<S: Scalar, const D: usize> Mul<Vector<S, D>> for Matrix<S, D> {
+    type Output = Vector<S, D>;
+    #[inline(always)]
+    fn mul(self, v: Vector<S, D>) -> Vector<S, D> {
+        Vector(array(
+            #[inline(always)]
+            |a| Vector(self.0[a]).dot(v),
+        ))
+    }
+}
+
+impl<R: Scalar, const D: usize> Record<R> for Vector<R, D> {
+    const WORDS: usize = D;
+    #[inline(always)]
+    fn word(&self, k: usize) -> R {
+        self.0[k]
+    }
+    #[inline(always)]
+    fn read(f: impl Fn(usize) -> R + Copy, at: usize) -> Self {
+        Vector(array(
+            #[inline(always)]
+            |k| f(at + k),
+        ))
+    }
+}
+impl<R: Scalar, const D: usize> Record<R> for Matrix<R, D> {
+    const WORDS: usize = D * D;
+    #[inline(always)]
+    fn word(&self, k: usize) -> R {
+        self.0[k / D][k % D]
+    }
+    #[inline(always)]
+    fn read(f: impl Fn(usize) -> R + Copy, at: usize) -> Self {
+        Matrix(array(
+            #[inline(always)]
+            |a| {
+                array(
+                    #[inline(always)]
+                    |b| f(at + a * D + b),
+                )
+            },
+        ))
+    }
+}
+
+/// What [`Family::integrate`](crate::family::Family::integrate) can add up over bonds.
+pub trait Linear<S: Scalar>: Copy {
+    /// The sum over all bonds.
+    type Total: Copy;
+    /// Zero.
+    fn nothing() -> Self;
+    /// `self += w x`
+    fn add_times(&mut self, w: S, x: Self);
+    /// The sum over the lanes.
+    fn total(self) -> Self::Total;
+}
+impl<S: Scalar> Linear<S> for S {
+    type Total = S::Sum;
+    #[inline(always)]
+    fn nothing() -> S {
+        S::of(0.0)
+    }
+    #[inline(always)]
+    fn add_times(&mut self, w: S, x: S) {
+        *self = w.fma(x, *self);
+    }
+    #[inline(always)]
+    fn total(self) -> S::Sum {
+        self.sum()
+    }
+}
+impl<S: Scalar, const D: usize> Linear<S> for Vector<S, D> {
+    type Total = Vector<S::Sum, D>;
+    #[inline(always)]
+    fn nothing() -> Self {
+        Vector::zero()
+    }
+    #[inline(always)]
+    fn add_times(&mut self, w: S, x: Self) {
+        for k in 0..D {
+            self.0[k] = w.fma(x.0[k], self.0[k]);
+        }
+    }
+    #[inline(always)]
+    fn total(self) -> Self::Total {
+        Vector(array(
+            #[inline(always)]
+            |k| self.0[k].sum(),
+        ))
+    }
+}
+impl<S: Scalar, const D: usize> Linear<S> for Matrix<S, D> {
+    type Total = Matrix<S::Sum, D>;
+    #[inline(always)]
+    fn nothing() -> Self {
+        Matrix::zero()
+    }
+    #[inline(always)]
+    fn add_times(&mut self, w: S, x: Self) {
+        for a in 0..D {
+            for b in 0..D {
+                self.0[a][b] = w.fma(x.0[a][b], self.0[a][b]);
+            }
+        }
+    }
+    #[inline(always)]
+    fn total(self) -> Self::Total {
+        Matrix(array(
+            #[inline(always)]
+            |a| {
+                array(
+                    #[inline(always)]
+                    |b| self.0[a][b].sum(),
+                )
+            },
+        ))
+    }
+}
+impl<S: Scalar, A: Linear<S>, B: Linear<S>> Linear<S> for (A, B) {
+    type Total = (A::Total, B::Total);
+    #[inline(always)]
+    fn nothing() -> Self {
+        (A::nothing(), B::nothing())
+    }
+    #[inline(always)]
+    fn add_times(&mut self, w: S, x: Self) {
+        self.0.add_times(w, x.0);
+        self.1.add_times(w, x.1);
+    }
+    #[inline(always)]
+    fn total(self) -> Self::Total {
+        (self.0.total(), self.1.total())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inverse_of_a_known_tensor() {
+        let a = Matrix([[2.0, 1.0, 0.0], [0.0, 4.0, -1.0], [3.0, 0.0, 1.0]]);
+        assert_eq!(a.determinant(), 5.0);
+        // adjugate by hand
+        let want = [[0.8, -0.2, -0.2], [-0.6, 0.4, 0.4], [-2.4, 0.6, 1.6]];
+        for i in 0..3 {
+            for j in 0..3 {
+                assert!((a.inverse().0[i][j] - want[i][j]).abs() < 1e-15);
+            }
+        }
+        assert_eq!(Matrix([[4.0]]).inverse().0[0][0], 0.25);
+    }
+
+    #[test]
+    fn eigenvalues_of_known_tensors() {
+        assert_eq!(Matrix([[3.0, 0.0], [0.0, 1.0]]).eigenvalues(), [1.0, 3.0]);
+        // the second difference matrix: 2 − √2, 2, 2 + √2
+        let e = Matrix([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]]).eigenvalues();
+        for (x, y) in e.iter().zip([2.0 - 2f64.sqrt(), 2.0, 2.0 + 2f64.sqrt()]) {
+            assert!((x - y).abs() < 1e-15 * 4.0);
+        }
+        assert!(Matrix([[1.0, 1.0], [1.0, 1.0]]).inverse_if_regular(1e-10).is_none());
+        assert!(Matrix([[f64::NAN, 1.0], [1.0, 1.0]]).inverse_if_regular(1e-10).is_none());
+    }
+}
