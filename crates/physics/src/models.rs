@@ -5,5 +5,5 @@ mod correspondence;
 mod linear_peridynamic_solid;
 
 pub use bond_based::{BondBased, BondBasedConstants};
-pub use correspondence::Correspondence;
+pub use correspondence::{Correspondence, FLAT_FAMILY};
 pub use linear_peridynamic_solid::{LinearPeridynamicSolid, LinearPeridynamicSolidConstants};

@@ -1,0 +1,489 @@
+//! A discretised body: chunks of points, the parts that own their families, and the two exchanges between chunks.
+//!
+//! Everything that a solver evaluates goes through here: displacements go out to the chunks (with their halos and mirror
+//! images), every part adds the forces of its families, and what landed on halos comes back in a fixed order. The number
+//! of chunks depends on the body only, so results are the same bit for bit on any number of threads.
+
+use crate::chunk::{Chunk, Link};
+use crate::part::{Part, SEEDS};
+use physics::scalar::{Dual, Jet, ROW, Scalar};
+use physics::tensor::Matrix;
+use rayon::prelude::*;
+
+/// Points per chunk: large enough that halos stay small, small enough to occupy the threads of a small problem.
+const CHUNK_POINTS: std::ops::RangeInclusive<usize> = 256..=8192;
+/// Chunks that a body of moderate size is cut into.
+const CHUNKS: usize = 16;
+
+/// Forces of one chunk's halo that belong to another chunk's points.
+struct Inflow {
+    /// Chunk whose halo holds them.
+    source: u32,
+    /// Local index there, owned local index here, reflected components.
+    pairs: Vec<(u32, u32, u8)>,
+}
+
+/// What a body is made of, in sorted order.
+pub struct Geometry<'a> {
+    /// Positions.
+    pub position: &'a [[f64; 3]],
+    /// Volumes (length × area, area × thickness, volume).
+    pub volume: &'a [f64],
+    /// Horizons.
+    pub horizon: &'a [f64],
+}
+
+/// A body in `D` dimensions: `D` displacement components per point.
+pub struct Body<const D: usize> {
+    points: usize,
+    /// Points of a chunk (the last may have fewer).
+    chunk_points: usize,
+    pub(crate) chunks: Vec<Chunk<D>>,
+    inflow: Vec<Vec<Inflow>>,
+    pub(crate) parts: Vec<Box<dyn Part<D>>>,
+    position: Vec<[f64; 3]>,
+    volume: Vec<f64>,
+    /// Directed bonds of the reference body.
+    bonds: usize,
+}
+
+impl<const D: usize> Body<D> {
+    /// Cuts the points into chunks and builds their arrays. `links` gives the family of a point (sorted index).
+    pub fn new(g: &Geometry, weighted: bool, links: impl Fn(usize, &mut Vec<Link>) + Sync) -> Self {
+        let points = g.position.len();
+        let chunk_points = points.div_ceil(CHUNKS).clamp(*CHUNK_POINTS.start(), *CHUNK_POINTS.end());
+        let chunks: Vec<Chunk<D>> = (0..points.div_ceil(chunk_points))
+            .into_par_iter()
+            .map_init(
+                || vec![u32::MAX; points],
+                |seen, k| {
+                    let first = k * chunk_points;
+                    let owned = chunk_points.min(points - first);
+                    Chunk::new(first, owned, g.position, g.volume, g.horizon, weighted, &links, seen)
+                },
+            )
+            .collect();
+        let mut inflow: Vec<Vec<Inflow>> = (0..chunks.len()).map(|_| vec![]).collect();
+        for (s, c) in chunks.iter().enumerate() {
+            for l in c.owned..c.points.len() {
+                let p = c.points[l] as usize;
+                let target = p / chunk_points;
+                if inflow[target].last().is_none_or(|i| i.source != s as u32) {
+                    inflow[target].push(Inflow { source: s as u32, pairs: vec![] });
+                }
+                let place = (p - target * chunk_points) as u32;
+                inflow[target].last_mut().expect("just pushed").pairs.push((l as u32, place, c.flips[l]));
+            }
+        }
+        let bonds = chunks.iter().map(|c| c.count.iter().map(|&n| n as usize).sum::<usize>()).sum();
+        Body { points, chunk_points, chunks, inflow, parts: vec![], position: g.position.to_vec(), volume: g.volume.to_vec(), bonds }
+    }
+
+    /// Number of points.
+    pub fn points(&self) -> usize {
+        self.points
+    }
+    /// Number of displacement components, `D` a point.
+    pub fn dofs(&self) -> usize {
+        self.points * D
+    }
+    /// Number of directed bonds of the reference body.
+    pub fn bonds(&self) -> usize {
+        self.bonds
+    }
+    /// Reference positions in sorted order.
+    pub fn position(&self) -> &[[f64; 3]] {
+        &self.position
+    }
+    /// Volumes in sorted order.
+    pub fn volume(&self) -> &[f64] {
+        &self.volume
+    }
+    /// Chunks, to assign parts to.
+    pub fn chunks(&self) -> &[Chunk<D>] {
+        &self.chunks
+    }
+    /// Number of chunks.
+    pub fn chunk_count(&self) -> usize {
+        self.chunks.len()
+    }
+    /// Bytes of bonds, points, and shapes with constants.
+    pub fn bytes(&self) -> (usize, usize, usize) {
+        let (b, p) = self.chunks.iter().map(Chunk::bytes).fold((0, 0), |a, c| (a.0 + c.0, a.1 + c.1));
+        let exchange: usize = self.inflow.iter().flatten().map(|i| i.pairs.len() * 12).sum();
+        (b, p + exchange + self.points * 32, self.parts.iter().map(|q| q.bytes()).sum())
+    }
+    /// Whether the force is the derivative of an energy.
+    pub fn is_conservative(&self) -> bool {
+        self.parts.iter().all(|p| p.is_conservative())
+    }
+
+    /// Adds the parts, which must cover every point once, and computes their shapes on the unbroken families.
+    ///
+    /// # Errors
+    /// The points (sorted index) whose family cannot carry their material.
+    pub fn assign(&mut self, parts: Vec<Box<dyn Part<D>>>) -> Result<(), Vec<usize>> {
+        self.parts = parts;
+        let (mut point_words, mut bond_words, mut velocity) = (0, 0, false);
+        for part in &self.parts {
+            let (p, b) = part.memory_words();
+            (point_words, bond_words) = (point_words.max(p), bond_words.max(b));
+            velocity |= part.needs_velocity();
+        }
+        for c in &mut self.chunks {
+            c.memory_words = point_words;
+            c.memory = vec![0.0; point_words * c.owned];
+            c.bond_memory = vec![0.0; bond_words * c.neighbor.len()];
+            c.velocity = vec![0.0; if velocity { c.points.len() * ROW } else { 0 }];
+        }
+        let mut singular = vec![];
+        for part in &mut self.parts {
+            singular.extend(part.make_shapes(&self.chunks).into_iter().map(|(k, i)| self.chunks[k].first + i));
+        }
+        singular.sort_unstable();
+        if singular.is_empty() { Ok(()) } else { Err(singular) }
+    }
+
+    /// Sets time, and the temperature change of every point (sorted order) where there is one.
+    pub fn set_time(&mut self, t: f64, temperature: Option<&(dyn Fn(usize) -> f64 + Sync)>) {
+        self.chunks.par_iter_mut().for_each(|c| {
+            c.time = t;
+            if let Some(f) = temperature {
+                c.temperature.clear();
+                c.temperature.extend(c.points[..c.owned].iter().map(|&p| f(p as usize)));
+            }
+        });
+    }
+
+    /// Hands displacements (and velocities, where a material looks at them) to the chunks.
+    pub fn forward(&mut self, u: &[f64], v: Option<&[f64]>) {
+        self.chunks.par_iter_mut().for_each(|c| {
+            Chunk::<D>::fill_rows(&c.points, &c.flips, &mut c.displacement, |q| u[q]);
+            if let (false, Some(v)) = (c.velocity.is_empty(), v) {
+                Chunk::<D>::fill_rows(&c.points, &c.flips, &mut c.velocity, |q| v[q]);
+            } else {
+                c.velocity.fill(0.0);
+            }
+        });
+    }
+
+    /// Internal forces [N] at displacements `u` (and velocities `v`), overwriting `force`.
+    pub fn internal_force(&mut self, u: &[f64], v: Option<&[f64]>, force: &mut [f64]) {
+        self.forward(u, v);
+        let parts = &self.parts;
+        self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
+            let mut rows = std::mem::take(&mut c.force);
+            rows.fill(0.0);
+            let view = c.configuration();
+            for part in parts {
+                part.add_force(k, &view, &mut rows);
+            }
+            c.force = rows;
+        });
+        self.gather(force, |c, q| c.force[q]);
+    }
+
+    /// Internal forces by numbers of one bond at a time: slower, for comparison.
+    pub fn internal_force_plain(&mut self, u: &[f64], v: Option<&[f64]>, force: &mut [f64]) {
+        self.forward(u, v);
+        for (k, c) in self.chunks.iter_mut().enumerate() {
+            let mut rows = std::mem::take(&mut c.force);
+            rows.fill(0.0);
+            for part in &self.parts {
+                part.add_force_plain(k, &c.configuration(), &mut rows);
+            }
+            c.force = rows;
+        }
+        self.gather(force, |c, q| c.force[q]);
+    }
+
+    /// `K x` with `K = −∂f/∂u` of the internal forces, exact.
+    pub fn tangent_product(&mut self, u: &[f64], v: Option<&[f64]>, x: &[f64], out: &mut [f64]) {
+        self.forward(u, v);
+        let parts = &self.parts;
+        self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
+            let (mut rows, mut duals) = (std::mem::take(&mut c.dual_force), std::mem::take(&mut c.dual_displacement));
+            rows.clear();
+            rows.resize(c.points.len() * ROW, Dual::of(0.0));
+            duals.resize(c.points.len() * ROW, Dual::of(0.0));
+            Chunk::<D>::fill_rows(&c.points, &c.flips, &mut duals, |q| Dual { value: u[q], slope: [x[q]] });
+            let view = c.view(&duals);
+            for part in parts {
+                part.add_force_dual(k, &view, &mut rows);
+            }
+            (c.dual_force, c.dual_displacement) = (rows, duals);
+        });
+        self.gather(out, |c, q| -c.dual_force[q].slope[0]);
+    }
+
+    /// Sums what the chunks computed for their own points and, in the order of the chunks, for each other's.
+    fn gather(&self, out: &mut [f64], row: impl Fn(&Chunk<D>, usize) -> f64 + Sync) {
+        out.par_chunks_mut(self.chunk_points * D).zip(&self.chunks).zip(&self.inflow).for_each(|((out, chunk), inflow)| {
+            for i in 0..chunk.owned {
+                for k in 0..D {
+                    out[i * D + k] = row(chunk, i * ROW + k);
+                }
+            }
+            for flow in inflow {
+                let source = &self.chunks[flow.source as usize];
+                for &(l, i, flip) in &flow.pairs {
+                    for k in 0..D {
+                        let f = row(source, l as usize * ROW + k);
+                        out[i as usize * D + k] += if flip >> k & 1 == 1 { -f } else { f };
+                    }
+                }
+            }
+        });
+    }
+
+    /// Fills one entry per point from a computation per chunk (at the last displacements handed out).
+    fn per_point<T: Send + Sync + Clone>(&self, nothing: T, f: impl Fn(usize, &Chunk<D>, &mut [T]) + Sync) -> Vec<T> {
+        let mut out = vec![nothing; self.points];
+        out.par_chunks_mut(self.chunk_points).zip(&self.chunks).enumerate().for_each(|(k, (out, c))| f(k, c, out));
+        out
+    }
+
+    /// Energy density per point at displacements `u`, sorted order.
+    pub fn energy_density(&mut self, u: &[f64]) -> Vec<f64> {
+        self.forward(u, None);
+        self.per_point(0.0, |k, c, out| {
+            for part in &self.parts {
+                part.energy_density(k, &c.configuration(), out);
+            }
+        })
+    }
+
+    /// Strain energy [J].
+    pub fn energy(&mut self, u: &[f64]) -> f64 {
+        let density = self.energy_density(u);
+        ordered_sum(self.points, |p| density[p] * self.volume[p])
+    }
+
+    /// First Piola stress `P = ∫ T ⊗ ξ dV′` per point, and the stress across the plane.
+    ///
+    /// For correspondence this is the law's stress; for the other models it is the collapsed stress of Silling & Lehoucq,
+    /// J. Elasticity 93 (2008) 13–37.
+    pub fn stress(&mut self, u: &[f64], v: Option<&[f64]>) -> (Vec<Matrix<f64, D>>, Vec<f64>) {
+        self.forward(u, v);
+        let both = self.per_point((Matrix::zero(), 0.0), |k, c, out| {
+            let (mut p, mut across) = (vec![Matrix::zero(); c.owned], vec![0.0; c.owned]);
+            for part in &self.parts {
+                part.stress(k, &c.configuration(), &mut p, &mut across);
+            }
+            for (o, x) in out.iter_mut().zip(p.into_iter().zip(across)) {
+                *o = x;
+            }
+        });
+        both.into_iter().unzip()
+    }
+
+    /// Nonlocal deformation gradient minus 1 per point: the shape-tensor average of the intact family; zero where the
+    /// family is flat.
+    pub fn displacement_gradient(&mut self, u: &[f64]) -> Vec<Matrix<f64, D>> {
+        self.forward(u, None);
+        self.per_point(Matrix::zero(), |_, c, out| {
+            let view = c.configuration();
+            for i in 0..c.owned {
+                let family = physics::family::Family::<f64, D>::new(&view, i);
+                let (k, a): (Matrix<f64, D>, Matrix<f64, D>) = family.integrate(|b| (b.xi().outer(b.xi()), b.eta().outer(b.xi())));
+                if let Some(inverse) = k.inverse_if_regular(physics::models::FLAT_FAMILY) {
+                    out[i] = a * inverse;
+                }
+            }
+        })
+    }
+
+    /// Smallest |Y|/|ξ| of the intact bonds per point; 1 where none is left.
+    pub fn min_bond_ratio(&mut self, u: &[f64]) -> Vec<f64> {
+        self.forward(u, None);
+        self.per_point(1.0, |_, c, out| {
+            let view = c.configuration();
+            for i in 0..c.owned {
+                let mut least = f64::INFINITY;
+                physics::family::Family::<f64, D>::new(&view, i).each(|b| {
+                    use physics::family::Undeformed;
+                    least = least.min(1.0 + b.extension().0 / b.length());
+                });
+                if least.is_finite() {
+                    out[i] = least;
+                }
+            }
+        })
+    }
+
+    /// Damage per point: the share of the reference family's volume whose bonds are broken.
+    pub fn damage(&self) -> Vec<f64> {
+        self.per_point(0.0, |_, c, out| {
+            for i in 0..c.owned {
+                let (mut all, mut broken) = (0.0, 0.0);
+                for s in c.slots(i) {
+                    let v = c.volume(c.neighbor[s] as usize);
+                    all += v;
+                    if !c.is_intact(s) {
+                        broken += v;
+                    }
+                }
+                if all > 0.0 {
+                    out[i] = broken / all;
+                }
+            }
+        })
+    }
+
+    /// Intact bonds per point.
+    pub fn family_size(&self) -> Vec<u32> {
+        self.per_point(0, |_, c, out| {
+            for i in 0..c.owned {
+                out[i] = c.slots(i).filter(|&s| c.is_intact(s)).count() as u32;
+            }
+        })
+    }
+
+    /// The reference family of a point (sorted index) as (ξ, V′), for calibrations.
+    pub fn reference_family(&self, point: usize) -> Vec<([f64; 3], f64)> {
+        let c = &self.chunks[point / self.chunk_points];
+        let i = point - c.first;
+        c.slots(i).map(|s| (c.xi(i, s), c.volume(c.neighbor[s] as usize))).collect()
+    }
+
+    /// Stored influence of the reference family of a point; ones where none is stored.
+    pub fn reference_weights(&self, point: usize) -> Vec<f64> {
+        let c = &self.chunks[point / self.chunk_points];
+        c.slots(point - c.first).map(|s| if c.weight.is_empty() { 1.0 } else { c.weight[s] }).collect()
+    }
+
+    /// Commits the history of the increment that ends at the displacements `u`.
+    pub fn commit(&mut self, u: &[f64], v: Option<&[f64]>) {
+        if self.parts.iter().all(|p| p.memory_words() == (0, 0)) {
+            return;
+        }
+        self.forward(u, v);
+        let parts = &self.parts;
+        self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
+            for part in parts {
+                part.commit(k, c);
+            }
+        });
+    }
+
+    /// The points (sorted, distinct) each family couples, its own point first: `(starts, members)`.
+    pub fn couplings(&self) -> (Vec<usize>, Vec<u32>) {
+        let lists: Vec<Vec<Vec<u32>>> = self
+            .chunks
+            .par_iter()
+            .map(|c| {
+                (0..c.owned)
+                    .map(|i| {
+                        let mut list = vec![(c.first + i) as u32];
+                        let mut far: Vec<u32> = c.slots(i).map(|s| c.points[c.neighbor[s] as usize]).filter(|&p| p != list[0]).collect();
+                        far.sort_unstable();
+                        far.dedup();
+                        list.extend(far);
+                        list
+                    })
+                    .collect()
+            })
+            .collect();
+        let mut starts = vec![0];
+        let mut members = vec![];
+        for list in lists.iter().flatten() {
+            members.extend(list);
+            starts.push(members.len());
+        }
+        (starts, members)
+    }
+
+    /// Stiffness of every family over the points that [`couplings`](Self::couplings) lists for it, at displacements `u`:
+    /// `sink(point, stiffness)` is called once a point, from several threads, with a dense row-major matrix.
+    pub fn family_stiffnesses(&mut self, u: &[f64], sink: impl Fn(usize, &[f64]) + Sync) {
+        self.forward(u, None);
+        let parts = &self.parts;
+        self.chunks.par_iter().enumerate().for_each(|(k, c)| {
+            let mut jets: Vec<Jet<SEEDS>> = c.displacement.iter().map(|&x| Jet::of(x)).collect();
+            let (mut bonds, mut dense, mut members) = (vec![], vec![], vec![]);
+            for part in parts {
+                for &i in part.points(k) {
+                    part.family_stiffness(k, i as usize, c, &mut jets, &mut bonds);
+                    c.expand(i as usize, &bonds, &mut members, &mut dense);
+                    sink(c.first + i as usize, &dense);
+                }
+            }
+        });
+    }
+
+    /// The diagonal D×D blocks of the stiffness at `u`, row-major, `D²` words a point.
+    pub fn block_diagonal(&mut self, u: &[f64], out: &mut [f64]) {
+        let (starts, members) = self.couplings();
+        let blocks = std::sync::Mutex::new(vec![vec![]; self.points]);
+        self.family_stiffnesses(u, |p, dense| {
+            let n = starts[p + 1] - starts[p];
+            let mut own = Vec::with_capacity(n * D * D);
+            for m in 0..n {
+                for a in 0..D {
+                    for b in 0..D {
+                        own.push(dense[(m * D + a) * n * D + m * D + b]);
+                    }
+                }
+            }
+            blocks.lock().expect("no panic while locked")[p] = own;
+        });
+        out.fill(0.0);
+        // in the order of the families: the same sum on any number of threads
+        for (p, own) in blocks.into_inner().expect("no panic while locked").iter().enumerate() {
+            for (m, block) in own.chunks(D * D).enumerate() {
+                let j = members[starts[p] + m] as usize;
+                for (o, x) in out[j * D * D..][..D * D].iter_mut().zip(block) {
+                    *o += x;
+                }
+            }
+        }
+    }
+}
+
+impl<const D: usize> Chunk<D> {
+    /// From bonds to points: the stiffness of a family over its own point and the distinct far points (broken ones keep
+    /// zero rows), mirror images folded onto their points.
+    fn expand(&self, i: usize, bonds: &[f64], members: &mut Vec<u32>, dense: &mut Vec<f64>) {
+        members.clear();
+        let own = self.points[i];
+        members.extend(self.slots(i).map(|s| self.points[self.neighbor[s] as usize]).filter(|&p| p != own));
+        members.sort_unstable();
+        members.dedup();
+        let n = (members.len() + 1) * D;
+        dense.clear();
+        dense.resize(n * n, 0.0);
+        let intact: Vec<(usize, u8)> = self
+            .slots(i)
+            .filter(|&s| self.is_intact(s))
+            .map(|s| {
+                let l = self.neighbor[s] as usize;
+                let p = self.points[l];
+                (if p == own { 0 } else { 1 + members.binary_search(&p).expect("listed above") }, self.flips[l])
+            })
+            .collect();
+        let m = intact.len() * D;
+        for (b, &(row, flip_b)) in intact.iter().enumerate() {
+            for k in 0..D {
+                let sign_b = if flip_b >> k & 1 == 1 { -1.0 } else { 1.0 };
+                for (c, &(column, flip_c)) in intact.iter().enumerate() {
+                    for l in 0..D {
+                        let sign_c = if flip_c >> l & 1 == 1 { -1.0 } else { 1.0 };
+                        let h = bonds[(b * D + k) * m + c * D + l];
+                        // Y = ±u_far − u_own
+                        dense[(row * D + k) * n + column * D + l] += sign_b * sign_c * h;
+                        dense[(row * D + k) * n + l] -= sign_b * h;
+                        dense[k * n + column * D + l] -= sign_c * h;
+                        dense[k * n + l] += h;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A sum over points in fixed blocks: the same bits on any number of threads.
+pub fn ordered_sum(n: usize, f: impl Fn(usize) -> f64 + Sync) -> f64 {
+    const BLOCK: usize = 4096;
+    let sums: Vec<f64> = (0..n.div_ceil(BLOCK)).into_par_iter().map(|b| (b * BLOCK..n.min((b + 1) * BLOCK)).map(&f).sum()).collect();
+    sums.into_iter().sum()
+}

@@ -1,0 +1,227 @@
+//! A chunk: a contiguous run of spatially sorted points, the halo its bonds reach, and the arrays of its families.
+
+use physics::family::Configuration;
+use physics::scalar::{Dual, ROW, Scalar, VOLUME_WORD};
+
+/// A bond of a family as the builder hands it over.
+#[derive(Clone, Copy, Debug)]
+pub struct Link {
+    /// Far point.
+    pub point: u32,
+    /// Components of the far point that a symmetry plane reflects: bit k for component k.
+    pub flips: u8,
+    /// Position of the far end, reflected where it is a mirror image.
+    pub end: [f64; 3],
+    /// Influence ω, where it is not constant.
+    pub weight: f64,
+}
+
+/// The arrays of one chunk. Local points: the `owned` ones first, then the halo (other points, and mirror images).
+pub struct Chunk<const D: usize> {
+    /// First point (in sorted order) that the chunk owns.
+    pub(crate) first: usize,
+    /// Number of owned points.
+    pub(crate) owned: usize,
+    /// Sorted index of each local point.
+    pub(crate) points: Vec<u32>,
+    /// Reflected components of each local point.
+    pub(crate) flips: Vec<u8>,
+    pub(crate) coordinates: Vec<f64>,
+    pub(crate) horizon: Vec<f64>,
+    pub(crate) start: Vec<u32>,
+    /// Bonds of each owned point, broken ones included, padding not.
+    pub(crate) count: Vec<u32>,
+    pub(crate) neighbor: Vec<u32>,
+    pub(crate) length: Vec<f64>,
+    pub(crate) weight: Vec<f64>,
+    pub(crate) intact: Vec<u8>,
+    pub(crate) temperature: Vec<f64>,
+    pub(crate) displacement: Vec<f64>,
+    pub(crate) velocity: Vec<f64>,
+    pub(crate) force: Vec<f64>,
+    /// Displacement and force with one derivative each, made at the first tangent product.
+    pub(crate) dual_displacement: Vec<Dual>,
+    pub(crate) dual_force: Vec<Dual>,
+    pub(crate) memory: Vec<f64>,
+    pub(crate) memory_words: usize,
+    pub(crate) bond_memory: Vec<f64>,
+    pub(crate) time: f64,
+}
+
+impl<const D: usize> Chunk<D> {
+    /// Builds the arrays of the points `first..first + owned`. `seen` maps sorted index to local index during the call: as
+    /// long as there are points, all `u32::MAX` before and after.
+    pub(crate) fn new(
+        first: usize,
+        owned: usize,
+        position: &[[f64; 3]],
+        volume: &[f64],
+        horizon: &[f64],
+        weighted: bool,
+        links: impl Fn(usize, &mut Vec<Link>),
+        seen: &mut [u32],
+    ) -> Self {
+        let mut c = Chunk {
+            first,
+            owned,
+            points: (first..first + owned).map(|p| p as u32).collect(),
+            flips: vec![0; owned],
+            coordinates: vec![],
+            horizon: vec![],
+            start: vec![0],
+            count: vec![],
+            neighbor: vec![],
+            length: vec![],
+            weight: vec![],
+            intact: vec![],
+            temperature: vec![],
+            displacement: vec![],
+            velocity: vec![],
+            force: vec![],
+            dual_displacement: vec![],
+            dual_force: vec![],
+            memory: vec![],
+            memory_words: 0,
+            bond_memory: vec![],
+            time: 0.0,
+        };
+        let mut ends: Vec<[f64; 3]> = position[first..first + owned].to_vec();
+        for p in first..first + owned {
+            seen[p] = (p - first) as u32;
+        }
+        // mirror images are rare: a map of their own
+        let mut images = std::collections::HashMap::new();
+        let mut family = vec![];
+        for p in first..first + owned {
+            family.clear();
+            links(p, &mut family);
+            c.count.push(family.len() as u32);
+            for link in &family {
+                let fresh = c.points.len() as u32;
+                let known = if link.flips == 0 {
+                    &mut seen[link.point as usize]
+                } else {
+                    images.entry((link.point, link.flips)).or_insert(u32::MAX)
+                };
+                if *known == u32::MAX {
+                    *known = fresh;
+                    c.points.push(link.point);
+                    c.flips.push(link.flips);
+                    ends.push(link.end);
+                }
+                c.neighbor.push(*known);
+                let square: f64 = (0..D).map(|k| (link.end[k] - position[p][k]).powi(2)).sum();
+                c.length.push(square.sqrt());
+                if weighted {
+                    c.weight.push(link.weight);
+                }
+            }
+            // the last block is filled with copies of the last bond, so that every lane computes with sane numbers
+            let slots = c.neighbor.len().next_multiple_of(8);
+            for s in (*c.start.last().expect("starts with 0") as usize..slots).step_by(8) {
+                let real = (c.start[c.start.len() - 1] as usize + family.len()).saturating_sub(s).min(8);
+                c.intact.push(((1u16 << real) - 1) as u8);
+            }
+            if let Some(&last) = c.neighbor.last() {
+                c.neighbor.resize(slots, last);
+                c.length.resize(slots, *c.length.last().expect("as many as neighbours"));
+                if weighted {
+                    c.weight.resize(slots, *c.weight.last().expect("as many as neighbours"));
+                }
+            }
+            c.start.push(slots as u32);
+        }
+        for p in &c.points {
+            seen[*p as usize] = u32::MAX;
+        }
+        for (l, p) in c.points.iter().enumerate() {
+            let mut row = [0.0; ROW];
+            row[..D].copy_from_slice(&ends[l][..D]);
+            row[VOLUME_WORD] = volume[*p as usize];
+            c.coordinates.extend(row);
+            c.horizon.push(horizon[*p as usize]);
+        }
+        c.displacement = vec![0.0; c.points.len() * ROW];
+        c.force = vec![0.0; c.points.len() * ROW];
+        for v in [&mut c.neighbor] {
+            v.shrink_to_fit();
+        }
+        c.length.shrink_to_fit();
+        c.weight.shrink_to_fit();
+        c
+    }
+
+    /// The view that families borrow.
+    pub(crate) fn configuration(&self) -> Configuration<'_, f64> {
+        self.view(&self.displacement)
+    }
+
+    /// The view with displacements of another number type.
+    pub(crate) fn view<'a, R>(&'a self, displacement: &'a [R]) -> Configuration<'a, R> {
+        Configuration {
+            time: self.time,
+            coordinates: &self.coordinates,
+            displacement,
+            velocity: &self.velocity,
+            horizon: &self.horizon,
+            temperature: &self.temperature,
+            start: &self.start,
+            neighbor: &self.neighbor,
+            length: &self.length,
+            weight: &self.weight,
+            intact: &self.intact,
+            memory: &self.memory,
+            memory_words: self.memory_words,
+            bond_memory: &self.bond_memory,
+        }
+    }
+
+    /// Spreads a field of the body (`D` words a point, sorted order) to the rows of the local points.
+    pub(crate) fn fill_rows<R: Scalar>(points: &[u32], flips: &[u8], rows: &mut [R], value: impl Fn(usize) -> R) {
+        for (l, (&p, &flip)) in points.iter().zip(flips).enumerate() {
+            for k in 0..D {
+                let x = value(p as usize * D + k);
+                rows[l * ROW + k] = if flip >> k & 1 == 1 { -x } else { x };
+            }
+        }
+    }
+
+    /// The bond slots of owned point `i`, padding excluded.
+    pub(crate) fn slots(&self, i: usize) -> std::ops::Range<usize> {
+        let a = self.start[i] as usize;
+        a..a + self.count[i] as usize
+    }
+
+    /// Whether a slot is intact.
+    pub(crate) fn is_intact(&self, slot: usize) -> bool {
+        physics::scalar::is_intact(&self.intact, slot)
+    }
+
+    /// The owned point of a slot.
+    pub(crate) fn point_of(&self, slot: usize) -> usize {
+        self.start.partition_point(|&s| s as usize <= slot) - 1
+    }
+
+    /// Reference bond vector of a slot of owned point `i`.
+    pub(crate) fn xi(&self, i: usize, slot: usize) -> [f64; 3] {
+        let (a, b) = (i * ROW, self.neighbor[slot] as usize * ROW);
+        std::array::from_fn(|k| self.coordinates[b + k] - self.coordinates[a + k])
+    }
+
+    /// Volume of local point `l`.
+    pub(crate) fn volume(&self, l: usize) -> f64 {
+        self.coordinates[l * ROW + VOLUME_WORD]
+    }
+
+    /// Bytes held for bonds and for points.
+    pub(crate) fn bytes(&self) -> (usize, usize) {
+        let bonds = self.neighbor.len() * 4 + (self.length.len() + self.weight.len() + self.bond_memory.len()) * 8 + self.intact.len();
+        let rows = self.coordinates.len() + self.displacement.len() + self.velocity.len() + self.force.len();
+        let dual = (self.dual_displacement.len() + self.dual_force.len()) * 16;
+        let points = (rows + self.horizon.len() + self.temperature.len() + self.memory.len()) * 8
+            + dual
+            + self.points.len() * 5
+            + self.start.len() * 8;
+        (bonds, points)
+    }
+}

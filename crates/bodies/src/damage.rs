@@ -1,0 +1,210 @@
+//! Bond breaking: criteria, the breaking itself with everything that follows from it, and going back.
+
+use crate::body::Body;
+use crate::chunk::Chunk;
+use physics::family::{Family, Undeformed};
+use rayon::prelude::*;
+
+/// When a bond breaks. Thresholds are per point (sorted order); a bond's threshold is the mean of its two points', infinite
+/// where one of them is.
+#[derive(Clone, Debug)]
+pub enum Criterion {
+    /// Stretch s = e/|ξ| above the critical stretch.
+    CriticalStretch(Vec<f64>),
+    /// Bond energy `(T[x]⟨ξ⟩ − T[x′]⟨−ξ⟩)·η/2` above the critical bond energy (Foster, Silling & Chen, Int. J. Multiscale
+    /// Comput. Eng. 9 (2011) 675–688), for bonds in tension.
+    CriticalBondEnergy(Vec<f64>),
+}
+
+/// A directed bond.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct BondId {
+    chunk: u32,
+    slot: u32,
+}
+
+/// What a round of breaking did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Broken {
+    /// Directed bonds that broke, both directions of a pair counted.
+    pub bonds: usize,
+    /// Points whose family became singular: all their bonds were released.
+    pub released: usize,
+}
+
+/// Damage to go back to.
+#[derive(Clone, Debug, Default)]
+pub struct DamageState {
+    intact: Vec<Vec<u8>>,
+    memory: Vec<(Vec<f64>, Vec<f64>)>,
+}
+
+impl<const D: usize> Body<D> {
+    /// How far each bond is beyond its threshold: calls for the bonds with ratio > 1, as (bond, ratio), in the order of
+    /// the chunks and slots.
+    pub fn exceeding(&mut self, u: &[f64], v: Option<&[f64]>, criterion: &Criterion) -> Vec<(BondId, f64)> {
+        self.forward(u, v);
+        match criterion {
+            Criterion::CriticalStretch(critical) => self.exceeding_by(critical, |_, c, found| {
+                let view = c.configuration();
+                for i in 0..c.owned {
+                    Family::<f64, D>::new(&view, i).each(|b| found(i, b.slot(), b.extension().0 / b.length()));
+                }
+            }),
+            Criterion::CriticalBondEnergy(critical) => {
+                let half: Vec<Vec<f64>> = self
+                    .chunks
+                    .par_iter()
+                    .enumerate()
+                    .map(|(k, c)| {
+                        let mut out = vec![0.0; c.neighbor.len()];
+                        for part in &self.parts {
+                            part.half_bond_energies(k, &c.configuration(), &mut out);
+                        }
+                        out
+                    })
+                    .collect();
+                self.exceeding_by(critical, |k, c, found| {
+                    let view = c.configuration();
+                    for i in 0..c.owned {
+                        Family::<f64, D>::new(&view, i).each(|b| {
+                            if b.extension().0 <= 0.0 {
+                                return;
+                            }
+                            let back = self.reverse(BondId { chunk: k as u32, slot: b.slot() as u32 });
+                            let other = back.map_or(0.0, |r| half[r.chunk as usize][r.slot as usize]);
+                            found(i, b.slot(), half[k][b.slot()] + other);
+                        });
+                    }
+                })
+            }
+        }
+    }
+
+    fn exceeding_by(
+        &self,
+        critical: &[f64],
+        measure: impl Fn(usize, &Chunk<D>, &mut dyn FnMut(usize, usize, f64)) + Sync,
+    ) -> Vec<(BondId, f64)> {
+        let found: Vec<Vec<(BondId, f64)>> = self
+            .chunks
+            .par_iter()
+            .enumerate()
+            .map(|(k, c)| {
+                let mut list = vec![];
+                measure(k, c, &mut |i, slot, value| {
+                    let far = c.points[c.neighbor[slot] as usize] as usize;
+                    let threshold = 0.5 * (critical[c.first + i] + critical[far]);
+                    if value > threshold {
+                        list.push((BondId { chunk: k as u32, slot: slot as u32 }, value / threshold));
+                    }
+                });
+                list
+            })
+            .collect();
+        found.into_iter().flatten().collect()
+    }
+
+    /// The same pair seen from the far point, where the far point's family has it.
+    pub(crate) fn reverse(&self, bond: BondId) -> Option<BondId> {
+        let c = &self.chunks[bond.chunk as usize];
+        let near = (c.first + c.point_of(bond.slot as usize)) as u32;
+        let l = c.neighbor[bond.slot as usize] as usize;
+        let (far, flips) = (c.points[l] as usize, c.flips[l]);
+        let chunk = self.chunks.partition_point(|c| c.first <= far) - 1;
+        let other = &self.chunks[chunk];
+        let slot = other.slots(far - other.first).find(|&s| {
+            let l = other.neighbor[s] as usize;
+            other.points[l] == near && other.flips[l] == flips
+        })?;
+        Some(BondId { chunk: chunk as u32, slot: slot as u32 })
+    }
+
+    /// Breaks bonds, both directions of each, and rebuilds the shapes of the touched points. A point whose family has
+    /// become singular is released: its remaining bonds break too, and so on until no family is singular.
+    pub fn break_bonds(&mut self, bonds: impl IntoIterator<Item = BondId>) -> Broken {
+        let mut broken = Broken::default();
+        let mut queue: Vec<BondId> = bonds.into_iter().collect();
+        while !queue.is_empty() {
+            let mut touched = vec![];
+            for bond in queue.drain(..) {
+                for b in [Some(bond), self.reverse(bond)].into_iter().flatten() {
+                    let c = &mut self.chunks[b.chunk as usize];
+                    if c.is_intact(b.slot as usize) {
+                        c.intact[b.slot as usize / 8] &= !(1 << (b.slot % 8));
+                        broken.bonds += 1;
+                        touched.push((b.chunk as usize, c.point_of(b.slot as usize)));
+                    }
+                }
+            }
+            touched.sort_unstable();
+            touched.dedup();
+            for (k, i) in touched {
+                let c = &self.chunks[k];
+                let view = c.configuration();
+                let regular = self.parts.iter_mut().all(|p| p.reshape(k, i, &view));
+                let left: Vec<usize> = c.slots(i).filter(|&s| c.is_intact(s)).collect();
+                if !regular && !left.is_empty() {
+                    broken.released += 1;
+                    queue.extend(left.into_iter().map(|s| BondId { chunk: k as u32, slot: s as u32 }));
+                }
+            }
+        }
+        broken
+    }
+
+    /// Breaks the bonds for which `cut(near, far)` holds (reference positions of their ends): pre-cracks.
+    pub fn cut(&mut self, cut: impl Fn([f64; 3], [f64; 3]) -> bool + Sync) -> Broken {
+        let found: Vec<Vec<BondId>> = self
+            .chunks
+            .par_iter()
+            .enumerate()
+            .map(|(k, c)| {
+                let mut list = vec![];
+                for i in 0..c.owned {
+                    let near = self.position()[c.first + i];
+                    for s in c.slots(i) {
+                        let xi = c.xi(i, s);
+                        if c.is_intact(s) && cut(near, std::array::from_fn(|k| near[k] + xi[k])) {
+                            list.push(BondId { chunk: k as u32, slot: s as u32 });
+                        }
+                    }
+                }
+                list
+            })
+            .collect();
+        self.break_bonds(found.into_iter().flatten())
+    }
+
+    /// The two ends (sorted index) of a bond.
+    pub fn ends(&self, bond: BondId) -> (usize, usize) {
+        let c = &self.chunks[bond.chunk as usize];
+        (c.first + c.point_of(bond.slot as usize), c.points[c.neighbor[bond.slot as usize] as usize] as usize)
+    }
+
+    /// Number of intact directed bonds.
+    pub fn intact_bonds(&self) -> usize {
+        self.chunks.iter().map(|c| c.intact.iter().map(|b| b.count_ones() as usize).sum::<usize>()).sum()
+    }
+
+    /// Remembers damage and history.
+    pub fn save_damage(&mut self, state: &mut DamageState) {
+        state.intact = self.chunks.iter().map(|c| c.intact.clone()).collect();
+        state.memory = self.chunks.iter().map(|c| (c.memory.clone(), c.bond_memory.clone())).collect();
+        for p in &mut self.parts {
+            p.save_shapes();
+        }
+    }
+
+    /// Goes back to remembered damage and history.
+    pub fn restore_damage(&mut self, state: &DamageState) {
+        for (c, (intact, memory)) in self.chunks.iter_mut().zip(state.intact.iter().zip(&state.memory)) {
+            c.intact.clone_from(intact);
+            c.memory.clone_from(&memory.0);
+            c.bond_memory.clone_from(&memory.1);
+        }
+        for p in &mut self.parts {
+            p.restore_shapes();
+        }
+    }
+}

@@ -1,0 +1,317 @@
+//! A part: a material and the points it is assigned to. The loops over families are here, written once for every model.
+
+use crate::chunk::Chunk;
+use physics::family::{Configuration, Family, Reference};
+use physics::lanes::{Kernel, widest};
+use physics::material::Material;
+use physics::scalar::{Dual, Jet, ROW, Scalar, VOLUME_WORD, lift};
+use physics::tensor::{Linear, Matrix, Vector};
+
+/// Derivatives taken at a time when a family's stiffness is computed.
+pub(crate) const SEEDS: usize = 8;
+
+/// The constants of a material at its points.
+#[derive(Clone, Debug)]
+pub enum Constants<C> {
+    /// The same everywhere.
+    Uniform(C),
+    /// One for each point of the body, in sorted order.
+    PerPoint(Vec<C>),
+}
+
+impl<C> Constants<C> {
+    /// The constants of a point (sorted index).
+    #[inline(always)]
+    pub fn at(&self, point: usize) -> &C {
+        match self {
+            Constants::Uniform(c) => c,
+            Constants::PerPoint(v) => &v[point],
+        }
+    }
+}
+
+/// A material on some of the points of a body, whatever the model. Chunks are given by number with their views.
+pub trait Part<const D: usize>: Send + Sync {
+    /// Name of the material.
+    fn name(&self) -> &str;
+    /// Words of history per point and per bond.
+    fn memory_words(&self) -> (usize, usize);
+    /// Whether the force depends on velocities.
+    fn needs_velocity(&self) -> bool;
+    /// Whether the force is the derivative of an energy.
+    fn is_conservative(&self) -> bool;
+    /// Whether the bonds must store the influence.
+    fn stores_influence(&self) -> bool;
+    /// The points of each chunk that the part owns families of (local index).
+    fn points(&self, chunk: usize) -> &[u32];
+    /// Computes all shapes. Returns the points (chunk, local) whose family cannot carry the model.
+    fn make_shapes(&mut self, chunks: &[Chunk<D>]) -> Vec<(usize, usize)>;
+    /// Computes the shape of one family again, after bonds broke. `false` where it has become singular.
+    fn reshape(&mut self, chunk: usize, point: usize, c: &Configuration<f64>) -> bool;
+    /// A copy of the shapes, to go back to.
+    fn save_shapes(&mut self);
+    /// Back to the saved shapes.
+    fn restore_shapes(&mut self);
+    /// Adds the force densities × volumes of the part's families to the rows of all local points [N].
+    fn add_force(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]);
+    /// The same with portable numbers of one bond at a time (oracle).
+    fn add_force_plain(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]);
+    /// The same with a derivative along a direction.
+    fn add_force_dual(&self, chunk: usize, c: &Configuration<Dual>, force: &mut [Dual]);
+    /// Energy density of the part's families, into the entries of owned points.
+    fn energy_density(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]);
+    /// First Piola stress `∫ T ⊗ ξ dV′` and stress across the plane, into the entries of owned points.
+    fn stress(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>], across: &mut [f64]);
+    /// `T⟨ξ⟩·η/2` of each bond of the part's families, into the entries of the slots.
+    fn half_bond_energies(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]);
+    /// Stiffness of one family: `H[(b,k),(c,l)] = V V_b ∂T_b,k/∂Y_c,l` over its intact bonds, row-major, into `out` (resized).
+    /// `u` are displacements without derivatives, restored before return.
+    fn family_stiffness(&self, chunk: usize, point: usize, arrays: &Chunk<D>, u: &mut [Jet<SEEDS>], out: &mut Vec<f64>);
+    /// Writes the history of an accepted increment.
+    fn commit(&self, chunk: usize, arrays: &mut Chunk<D>);
+    /// Bytes of shapes and constants.
+    fn bytes(&self) -> usize;
+}
+
+/// A material of a known type on its points.
+pub struct Assigned<M: Material<D>, const D: usize> {
+    name: String,
+    material: M,
+    constants: Constants<M::Constants>,
+    /// Local indices per chunk, and the sorted index of the chunk's first point.
+    points: Vec<(usize, Vec<u32>)>,
+    /// Position of each owned point among the part's points, per chunk.
+    place: Vec<Vec<u32>>,
+    shapes: Vec<Vec<M::Shape>>,
+    saved: Vec<Vec<M::Shape>>,
+}
+
+impl<M: Material<D>, const D: usize> Assigned<M, D> {
+    /// Assigns a material to points given by sorted index.
+    pub fn new(name: impl Into<String>, material: M, constants: Constants<M::Constants>, points: &[u32], chunks: &[Chunk<D>]) -> Self {
+        let mut sorted = points.to_vec();
+        sorted.sort_unstable();
+        let mut part = Assigned { name: name.into(), material, constants, points: vec![], place: vec![], shapes: vec![], saved: vec![] };
+        for c in chunks {
+            let a = sorted.partition_point(|&p| (p as usize) < c.first);
+            let z = sorted.partition_point(|&p| (p as usize) < c.first + c.owned);
+            let own: Vec<u32> = sorted[a..z].iter().map(|&p| p - c.first as u32).collect();
+            let mut place = vec![u32::MAX; c.owned];
+            for (q, &i) in own.iter().enumerate() {
+                place[i as usize] = q as u32;
+            }
+            part.points.push((c.first, own));
+            part.place.push(place);
+        }
+        part
+    }
+
+    #[inline(always)]
+    fn each(&self, chunk: usize, mut f: impl FnMut(usize, &M::Constants, &M::Shape)) {
+        let (first, points) = &self.points[chunk];
+        for (&i, shape) in points.iter().zip(&self.shapes[chunk]) {
+            f(i as usize, self.constants.at(first + i as usize), shape);
+        }
+    }
+
+    /// THE loop: each point evaluates its force state on its own family; `f_i += T⟨ξ⟩ V_i V_j`, `f_j −= T⟨ξ⟩ V_i V_j`.
+    #[inline(always)]
+    fn scatter<S: Scalar>(&self, chunk: usize, c: &Configuration<S::Sum>, force: &mut [S::Sum]) {
+        self.each(
+            chunk,
+            #[inline(always)]
+            |i, constants, shape| {
+                let family = Family::<S, D>::new(c, i);
+                let state: M::State<S> = lift::<S, _, _>(&self.material.state(constants, shape, family));
+                let near = S::of(c.coordinates[i * ROW + VOLUME_WORD]);
+                let mut own = <Vector<S, D> as Linear<S>>::nothing();
+                family.each(
+                    #[inline(always)]
+                    |b| {
+                        let pair = self.material.force(&state, b) * (b.volume() * near);
+                        own.add_times(S::of(1.0), pair);
+                        S::subtract_rows(force, b.far(), pair.0);
+                    },
+                );
+                let own = own.total();
+                for k in 0..D {
+                    force[i * ROW + k] += own.0[k];
+                }
+            },
+        );
+    }
+}
+
+struct Scatter<'a, M: Material<D>, const D: usize> {
+    part: &'a Assigned<M, D>,
+    chunk: usize,
+    c: &'a Configuration<'a, f64>,
+    force: &'a mut [f64],
+}
+impl<M: Material<D>, const D: usize> Kernel for Scatter<'_, M, D> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Scalar<Sum = f64>>(self) {
+        self.part.scatter::<S>(self.chunk, self.c, self.force);
+    }
+}
+
+impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn memory_words(&self) -> (usize, usize) {
+        (M::MEMORY, M::BOND_MEMORY)
+    }
+    fn needs_velocity(&self) -> bool {
+        M::RATE
+    }
+    fn is_conservative(&self) -> bool {
+        M::CONSERVATIVE
+    }
+    fn stores_influence(&self) -> bool {
+        M::STORED_INFLUENCE
+    }
+    fn points(&self, chunk: usize) -> &[u32] {
+        &self.points[chunk].1
+    }
+    fn make_shapes(&mut self, chunks: &[Chunk<D>]) -> Vec<(usize, usize)> {
+        use rayon::prelude::*;
+        type Made<S> = Result<Vec<S>, Vec<usize>>;
+        let made: Vec<Made<M::Shape>> = self
+            .points
+            .par_iter()
+            .zip(chunks)
+            .map(|((first, points), chunk)| {
+                let c = chunk.configuration();
+                let mut singular = vec![];
+                let mut shapes = Vec::with_capacity(points.len());
+                for &i in points {
+                    match self.material.shape(self.constants.at(first + i as usize), Reference::new(&c, i as usize)) {
+                        Ok(shape) => shapes.push(shape),
+                        Err(_) => singular.push(i as usize),
+                    }
+                }
+                if singular.is_empty() { Ok(shapes) } else { Err(singular) }
+            })
+            .collect();
+        let mut singular = vec![];
+        self.shapes.clear();
+        for (k, made) in made.into_iter().enumerate() {
+            match made {
+                Ok(shapes) => self.shapes.push(shapes),
+                Err(points) => singular.extend(points.into_iter().map(|i| (k, i))),
+            }
+        }
+        singular
+    }
+    fn reshape(&mut self, chunk: usize, point: usize, c: &Configuration<f64>) -> bool {
+        let place = self.place[chunk][point];
+        if place == u32::MAX {
+            return true;
+        }
+        let old = self.shapes[chunk][place as usize];
+        match self.material.reshape(self.constants.at(self.points[chunk].0 + point), &old, Reference::new(c, point)) {
+            Ok(shape) => {
+                self.shapes[chunk][place as usize] = shape;
+                true
+            }
+            Err(_) => false,
+        }
+    }
+    fn save_shapes(&mut self) {
+        self.saved.clone_from(&self.shapes);
+    }
+    fn restore_shapes(&mut self) {
+        self.shapes.clone_from(&self.saved);
+    }
+    fn add_force(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]) {
+        widest(Scatter { part: self, chunk, c, force });
+    }
+    fn add_force_plain(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]) {
+        self.scatter::<f64>(chunk, c, force);
+    }
+    fn add_force_dual(&self, chunk: usize, c: &Configuration<Dual>, force: &mut [Dual]) {
+        self.scatter::<Dual>(chunk, c, force);
+    }
+    fn energy_density(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]) {
+        self.each(chunk, |i, constants, shape| {
+            out[i] = self.material.energy_density(constants, shape, Family::<f64, D>::new(c, i));
+        });
+    }
+    fn stress(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>], across: &mut [f64]) {
+        self.each(chunk, |i, constants, shape| {
+            let family = Family::<f64, D>::new(c, i);
+            let state = self.material.state(constants, shape, family);
+            out[i] = family.integrate(|b| self.material.force(&state, b).outer(b.xi()));
+            across[i] = self.material.out_of_plane_stress(constants, &out[i]);
+        });
+    }
+    fn half_bond_energies(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]) {
+        self.each(chunk, |i, constants, shape| {
+            let family = Family::<f64, D>::new(c, i);
+            let state = self.material.state(constants, shape, family);
+            family.each(|b| out[b.slot()] = 0.5 * self.material.force(&state, b).dot(b.eta()));
+        });
+    }
+    fn family_stiffness(&self, chunk: usize, point: usize, arrays: &Chunk<D>, u: &mut [Jet<SEEDS>], out: &mut Vec<f64>) {
+        let place = self.place[chunk][point] as usize;
+        let (constants, shape) = (self.constants.at(self.points[chunk].0 + point), &self.shapes[chunk][place]);
+        let far: Vec<usize> = arrays.slots(point).filter(|&s| arrays.is_intact(s)).map(|s| arrays.neighbor[s] as usize * ROW).collect();
+        let n = far.len() * D;
+        let near = arrays.volume(point);
+        out.clear();
+        out.resize(n * n, 0.0);
+        for first in (0..n).step_by(SEEDS) {
+            let seeds = (n - first).min(SEEDS);
+            for q in 0..seeds {
+                u[far[(first + q) / D] + (first + q) % D].slope[q] = 1.0;
+            }
+            {
+                let c = arrays.view::<Jet<SEEDS>>(u);
+                let family = Family::<Jet<SEEDS>, D>::new(&c, point);
+                let state = self.material.state(constants, shape, family);
+                let mut row = 0;
+                family.each(|b| {
+                    let t = self.material.force(&state, b);
+                    let volumes = near * b.volume().value;
+                    for k in 0..D {
+                        for q in 0..seeds {
+                            out[(row * D + k) * n + first + q] = t.0[k].slope[q] * volumes;
+                        }
+                    }
+                    row += 1;
+                });
+            }
+            for q in 0..seeds {
+                u[far[(first + q) / D] + (first + q) % D].slope = [0.0; SEEDS];
+            }
+        }
+    }
+    fn commit(&self, chunk: usize, arrays: &mut Chunk<D>) {
+        if M::MEMORY == 0 && M::BOND_MEMORY == 0 {
+            return;
+        }
+        let (mut memory, mut bond_memory) = (arrays.memory.clone(), arrays.bond_memory.clone());
+        let slots = arrays.neighbor.len();
+        let c = arrays.configuration();
+        self.each(chunk, |i, constants, shape| {
+            let family = Family::<f64, D>::new(&c, i);
+            let range = arrays.start[i] as usize..arrays.start[i + 1] as usize;
+            let mut bonds: Vec<&mut [f64]> =
+                bond_memory.chunks_mut(slots.max(1)).take(M::BOND_MEMORY).map(|w| &mut w[range.clone()]).collect();
+            let point = &mut memory[i * arrays.memory_words..][..M::MEMORY];
+            self.material.commit(constants, shape, family, point, &mut bonds);
+        });
+        arrays.memory = memory;
+        arrays.bond_memory = bond_memory;
+    }
+    fn bytes(&self) -> usize {
+        let shapes: usize = self.shapes.iter().map(|s| s.len() * size_of::<M::Shape>()).sum();
+        let constants = match &self.constants {
+            Constants::Uniform(_) => size_of::<M::Constants>(),
+            Constants::PerPoint(v) => v.len() * size_of::<M::Constants>(),
+        };
+        shapes + constants + self.points.iter().map(|p| p.1.len() * 8).sum::<usize>()
+    }
+}
