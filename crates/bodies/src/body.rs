@@ -393,43 +393,41 @@ impl<const D: usize> Body<D> {
         (starts, members)
     }
 
-    /// Stiffness of every family over the points that [`couplings`](Self::couplings) lists for it, at displacements `u`:
-    /// `sink(point, stiffness)` is called once a point, from several threads, with a dense row-major matrix.
-    pub fn family_stiffnesses(&mut self, u: &[f64], sink: impl Fn(usize, &[f64]) + Sync) {
-        self.forward(u, None);
-        let parts = &self.parts;
-        self.chunks.par_iter().enumerate().for_each(|(k, c)| {
-            let mut jets: Vec<Jet<SEEDS>> = c.displacement.iter().map(|&x| Jet::of(x)).collect();
-            let (mut bonds, mut dense, mut members) = (vec![], vec![], vec![]);
-            for part in parts {
-                for &i in part.points(k) {
-                    part.family_stiffness(k, i as usize, c, &mut jets, &mut bonds);
-                    c.expand(i as usize, &bonds, &mut members, &mut dense);
-                    sink(c.first + i as usize, &dense);
-                }
-            }
-        });
+    /// Stiffness of the family of `point` over the points that [`couplings`](Self::couplings) lists for it, at the
+    /// displacements last handed out by [`forward`](Self::forward): dense, row-major, overwritten.
+    pub fn family_stiffness(&self, scratch: &mut StiffnessScratch, point: usize, dense: &mut [f64]) {
+        let k = point / self.chunk_points;
+        let c = &self.chunks[k];
+        if scratch.chunk != Some(k) {
+            scratch.chunk = Some(k);
+            scratch.jets = c.displacement.iter().map(|&x| Jet::of(x)).collect();
+        }
+        let i = point - c.first;
+        scratch.bonds.clear();
+        for part in &self.parts {
+            part.family_stiffness(k, i, c, &mut scratch.jets, &mut scratch.bonds);
+        }
+        c.expand(i, &scratch.bonds, &mut scratch.members, dense);
     }
 
     /// The diagonal D×D blocks of the stiffness at `u`, row-major, `D²` words a point.
     pub fn block_diagonal(&mut self, u: &[f64], out: &mut [f64]) {
+        self.forward(u, None);
         let (starts, members) = self.couplings();
-        let blocks = std::sync::Mutex::new(vec![vec![]; self.points]);
-        self.family_stiffnesses(u, |p, dense| {
-            let n = starts[p + 1] - starts[p];
-            let mut own = Vec::with_capacity(n * D * D);
-            for m in 0..n {
-                for a in 0..D {
-                    for b in 0..D {
-                        own.push(dense[(m * D + a) * n * D + m * D + b]);
-                    }
-                }
-            }
-            blocks.lock().expect("no panic while locked")[p] = own;
-        });
+        let body = &*self;
+        let blocks: Vec<Vec<f64>> = (0..self.points)
+            .into_par_iter()
+            .map_init(StiffnessScratch::default, |scratch, p| {
+                let n = starts[p + 1] - starts[p];
+                let mut dense = vec![0.0; n * n * D * D];
+                body.family_stiffness(scratch, p, &mut dense);
+                let entry = |m: usize, a: usize, b: usize| dense[(m * D + a) * n * D + m * D + b];
+                (0..n * D * D).map(|q| entry(q / (D * D), q / D % D, q % D)).collect()
+            })
+            .collect();
         out.fill(0.0);
         // in the order of the families: the same sum on any number of threads
-        for (p, own) in blocks.into_inner().expect("no panic while locked").iter().enumerate() {
+        for (p, own) in blocks.iter().enumerate() {
             for (m, block) in own.chunks(D * D).enumerate() {
                 let j = members[starts[p] + m] as usize;
                 for (o, x) in out[j * D * D..][..D * D].iter_mut().zip(block) {
@@ -440,18 +438,26 @@ impl<const D: usize> Body<D> {
     }
 }
 
+/// Work space of [`Body::family_stiffness`], one a thread. Holds displacements: make a new one when they change.
+#[derive(Default)]
+pub struct StiffnessScratch {
+    chunk: Option<usize>,
+    jets: Vec<Jet<SEEDS>>,
+    bonds: Vec<f64>,
+    members: Vec<u32>,
+}
+
 impl<const D: usize> Chunk<D> {
     /// From bonds to points: the stiffness of a family over its own point and the distinct far points (broken ones keep
     /// zero rows), mirror images folded onto their points.
-    fn expand(&self, i: usize, bonds: &[f64], members: &mut Vec<u32>, dense: &mut Vec<f64>) {
+    fn expand(&self, i: usize, bonds: &[f64], members: &mut Vec<u32>, dense: &mut [f64]) {
         members.clear();
         let own = self.points[i];
         members.extend(self.slots(i).map(|s| self.points[self.neighbor[s] as usize]).filter(|&p| p != own));
         members.sort_unstable();
         members.dedup();
         let n = (members.len() + 1) * D;
-        dense.clear();
-        dense.resize(n * n, 0.0);
+        dense.fill(0.0);
         let intact: Vec<(usize, u8)> = self
             .slots(i)
             .filter(|&s| self.is_intact(s))
@@ -462,19 +468,22 @@ impl<const D: usize> Chunk<D> {
             })
             .collect();
         let m = intact.len() * D;
+        let sign = |flips: u8, k: usize| if flips >> k & 1 == 1 { -1.0 } else { 1.0 };
         for (b, &(row, flip_b)) in intact.iter().enumerate() {
             for k in 0..D {
-                let sign_b = if flip_b >> k & 1 == 1 { -1.0 } else { 1.0 };
+                // Y = ±u_far − u_own: the own point's column and rows are minus the sums
+                let mut row_sum = [0.0; D];
                 for (c, &(column, flip_c)) in intact.iter().enumerate() {
                     for l in 0..D {
-                        let sign_c = if flip_c >> l & 1 == 1 { -1.0 } else { 1.0 };
-                        let h = bonds[(b * D + k) * m + c * D + l];
-                        // Y = ±u_far − u_own
-                        dense[(row * D + k) * n + column * D + l] += sign_b * sign_c * h;
-                        dense[(row * D + k) * n + l] -= sign_b * h;
-                        dense[k * n + column * D + l] -= sign_c * h;
-                        dense[k * n + l] += h;
+                        let h = sign(flip_b, k) * bonds[(b * D + k) * m + c * D + l];
+                        dense[(row * D + k) * n + column * D + l] += sign(flip_c, l) * h;
+                        dense[k * n + column * D + l] -= sign(flip_b, k) * sign(flip_c, l) * h;
+                        row_sum[l] += h;
                     }
+                }
+                for l in 0..D {
+                    dense[(row * D + k) * n + l] -= row_sum[l];
+                    dense[k * n + l] += sign(flip_b, k) * row_sum[l];
                 }
             }
         }

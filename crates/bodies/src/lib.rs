@@ -4,4 +4,7 @@
 pub mod body;
 pub mod chunk;
 pub mod damage;
+pub mod loads;
+// pub mod measures;
 pub mod part;
+// pub mod structure;

@@ -64,7 +64,7 @@ pub trait Part<const D: usize>: Send + Sync {
     fn stress(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>], across: &mut [f64]);
     /// `T⟨ξ⟩·η/2` of each bond of the part's families, into the entries of the slots.
     fn half_bond_energies(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]);
-    /// Stiffness of one family: `H[(b,k),(c,l)] = V V_b ∂T_b,k/∂Y_c,l` over its intact bonds, row-major, into `out` (resized).
+    /// Stiffness of one family, if it is the part's: `H[(b,k),(c,l)] = V V_b ∂T_b,k/∂Y_c,l` over its intact bonds, row-major, into `out` (resized).
     /// `u` are displacements without derivatives, restored before return.
     fn family_stiffness(&self, chunk: usize, point: usize, arrays: &Chunk<D>, u: &mut [Jet<SEEDS>], out: &mut Vec<f64>);
     /// Writes the history of an accepted increment.
@@ -255,8 +255,11 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         });
     }
     fn family_stiffness(&self, chunk: usize, point: usize, arrays: &Chunk<D>, u: &mut [Jet<SEEDS>], out: &mut Vec<f64>) {
-        let place = self.place[chunk][point] as usize;
-        let (constants, shape) = (self.constants.at(self.points[chunk].0 + point), &self.shapes[chunk][place]);
+        let place = self.place[chunk][point];
+        if place == u32::MAX {
+            return;
+        }
+        let (constants, shape) = (self.constants.at(self.points[chunk].0 + point), &self.shapes[chunk][place as usize]);
         let far: Vec<usize> = arrays.slots(point).filter(|&s| arrays.is_intact(s)).map(|s| arrays.neighbor[s] as usize * ROW).collect();
         let n = far.len() * D;
         let near = arrays.volume(point);

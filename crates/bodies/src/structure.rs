@@ -1,0 +1,567 @@
+//! A body with its conditions and damage: what solvers advance.
+
+use crate::body::{Body, StiffnessScratch, ordered_sum};
+use crate::damage::{Broken, Criterion, DamageState};
+use crate::loads::{Condition, Field, Kind, add_external, add_walls, each_contact};
+use solvers::problem::{Dynamics, Statics, Stop};
+use solvers::sparse::{BlockMatrix, BlockPattern, FamilyList};
+use std::sync::Arc;
+
+/// Displacements beyond this multiple of the body's size count as runaway.
+const RUNAWAY: f64 = 1e3;
+
+/// A prescribed temperature field.
+pub struct Temperature {
+    /// T(x, t) [K].
+    pub field: Field,
+    /// Temperature without thermal strain [K].
+    pub reference: f64,
+}
+
+/// How bonds break.
+pub struct Failure {
+    /// The criterion, with thresholds per point (sorted order).
+    pub criterion: Criterion,
+    /// In statics, bonds within this fraction of the worst break together; the rest wait for the new equilibrium.
+    pub batch: f64,
+}
+
+/// What the body consists of, in sorted order.
+pub struct Parts {
+    /// The user's ids.
+    pub id: Vec<u64>,
+    /// Place of each sorted point in the user's order.
+    pub user: Vec<u32>,
+    /// Number of the material of each point.
+    pub material: Vec<u32>,
+    /// Density of each point [kg/m³].
+    pub density: Vec<f64>,
+}
+
+/// Energies and momenta at an instant.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Balance {
+    /// Σ m v²/2 [J]
+    pub kinetic: f64,
+    /// Σ V W [J]
+    pub strain: f64,
+    /// Energy of walls [J]
+    pub contact: f64,
+    /// Work done on the body by prescribed motions and external forces so far [J]
+    pub external_work: f64,
+    /// Linear momentum [kg m/s]
+    pub momentum: [f64; 3],
+    /// Angular momentum about the origin [kg m²/s]
+    pub angular_momentum: [f64; 3],
+}
+
+/// A body, its conditions and its damage.
+pub struct Structure<const D: usize> {
+    /// The body.
+    pub body: Body<D>,
+    pub(crate) id: Vec<u64>,
+    pub(crate) user: Vec<u32>,
+    pub(crate) material: Vec<u32>,
+    mass: Vec<f64>,
+    positions: Vec<f64>,
+    size: f64,
+    conditions: Vec<Condition>,
+    temperature: Option<Temperature>,
+    failure: Vec<Failure>,
+    /// Prescribed by a condition, or held because a fragment floats (statics).
+    fixed: Vec<bool>,
+    /// (dof, condition) of the prescribed dofs.
+    prescribed: Vec<(u32, u32)>,
+    held: Vec<bool>,
+    statics: bool,
+    time: f64,
+    has_time: bool,
+    force_scale: f64,
+    pattern: Option<(Arc<BlockPattern>, FamilyList)>,
+    saved: DamageState,
+    saved_work: Option<Work>,
+    work: Work,
+    work_open: bool,
+    scratch: Vec<f64>,
+    /// Damage counters of the whole run.
+    pub broken: Broken,
+    /// Evaluations of all bonds, for throughput: force, and tangent products.
+    pub evaluations: (u64, u64),
+    /// Length of a step used to differentiate prescribed displacements.
+    time_scale: f64,
+}
+
+/// Work so far, and where it was last added up.
+#[derive(Clone, Default)]
+struct Work {
+    done: f64,
+    u: Vec<f64>,
+    force: Vec<f64>,
+}
+
+impl<const D: usize> Structure<D> {
+    /// Joins a body with its conditions. `duration` is the length of the run, the scale for differences in time.
+    pub fn new(body: Body<D>, parts: Parts, conditions: Vec<Condition>, temperature: Option<Temperature>, failure: Vec<Failure>, duration: f64) -> Self {
+        let n = body.points();
+        let mass = (0..n * D).map(|q| parts.density[q / D] * body.volume()[q / D]).collect();
+        let positions: Vec<f64> = body.position().iter().flat_map(|x| x[..D].to_vec()).collect();
+        let size = (0..D)
+            .map(|k| {
+                let (lo, hi) = body.position().iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x[k]), b.max(x[k])));
+                (hi - lo).powi(2)
+            })
+            .sum::<f64>()
+            .sqrt();
+        let mut prescribed = vec![];
+        let mut fixed = vec![false; n * D];
+        for (c, condition) in conditions.iter().enumerate().filter(|(_, c)| c.prescribes()) {
+            for &p in &condition.points {
+                for k in 0..D {
+                    let dof = p as usize * D + k;
+                    if condition.components[k].is_some() && !fixed[dof] {
+                        fixed[dof] = true;
+                        prescribed.push((dof as u32, c as u32));
+                    }
+                }
+            }
+        }
+        Structure {
+            id: parts.id,
+            user: parts.user,
+            material: parts.material,
+            mass,
+            positions,
+            size,
+            conditions,
+            temperature,
+            failure,
+            held: vec![false; n * D],
+            fixed,
+            prescribed,
+            statics: false,
+            time: 0.0,
+            has_time: false,
+            force_scale: 0.0,
+            pattern: None,
+            saved: DamageState::default(),
+            saved_work: None,
+            work: Work { done: 0.0, u: vec![0.0; n * D], force: vec![0.0; n * D] },
+            work_open: true,
+            scratch: vec![0.0; n * D],
+            broken: Broken::default(),
+            evaluations: (0, 0),
+            time_scale: duration,
+            body,
+        }
+    }
+
+    /// The conditions.
+    pub fn conditions(&self) -> &[Condition] {
+        &self.conditions
+    }
+
+    /// Mass per dof.
+    pub fn masses(&self) -> &[f64] {
+        &self.mass
+    }
+
+    /// The user's id of a sorted point.
+    pub fn id_of(&self, point: usize) -> u64 {
+        self.id[point]
+    }
+
+    /// Place of each sorted point in the user's order.
+    pub fn user_order(&self) -> &[u32] {
+        &self.user
+    }
+
+    /// Marks the structure as one in statics (floating fragments are then held) or in dynamics.
+    pub fn set_statics(&mut self, statics: bool) {
+        self.statics = statics;
+        if statics {
+            self.hold_fragments();
+        }
+    }
+
+    /// Sets time and temperature of the body.
+    fn at_time(&mut self, t: f64) {
+        if self.has_time && self.time == t {
+            return;
+        }
+        let position = self.body.position().to_vec();
+        match &self.temperature {
+            Some(temperature) => {
+                let change = |p: usize| (temperature.field)(position[p], t) - temperature.reference;
+                self.body.set_time(t, Some(&change));
+            }
+            None => self.body.set_time(t, None),
+        }
+        self.time = t;
+        self.has_time = true;
+    }
+
+    /// Internal, external and contact forces [N] at free and fixed dofs alike.
+    pub fn total_force(&mut self, t: f64, u: &[f64], v: Option<&[f64]>, f: &mut [f64]) -> f64 {
+        self.at_time(t);
+        self.body.internal_force(u, v, f);
+        self.evaluations.0 += 1;
+        let mut external = vec![0.0; f.len()];
+        add_external::<D>(&self.conditions, self.body.position(), self.body.volume(), t, &mut external);
+        add_walls::<D>(&self.conditions, self.body.position(), u, t, &mut external);
+        let applied = ordered_sum(external.len(), |q| external[q] * external[q]).sqrt();
+        for (f, e) in f.iter_mut().zip(&external) {
+            *f += e;
+        }
+        applied
+    }
+
+    /// The first thing wrong with a state: not a number, or runaway.
+    fn check(&self, t: f64, u: &[f64], f: &[f64]) -> Result<(), Stop> {
+        let limit = RUNAWAY * self.size;
+        let wrong = |q: usize| !(u[q].abs() <= limit) || !f[q].is_finite();
+        let Some(dof) = (0..u.len()).find(|&q| wrong(q)) else { return Ok(()) };
+        let p = dof / D;
+        let x = self.body.position()[p];
+        let (what, cause) = if u[dof].is_nan() || f[dof].is_nan() {
+            ("is not a number", "two points met, a family turned inside out, or an expression of a condition has no value there")
+        } else {
+            ("runs away", "the time step is too long, the body is not held, or a load is far too large")
+        };
+        Err(Stop::new(format!(
+            "at time {t:.6e} the motion of point {} at ({:.6e}, {:.6e}, {:.6e}) {what} (displacement {:.3e}, force {:.3e}); likely cause: {cause}",
+            self.id[p], x[0], x[1], x[2], u[dof], f[dof]
+        )))
+    }
+
+    /// Resultant that a condition exerts on the body: reactions of prescribed motion, applied loads, wall forces.
+    pub fn resultant(&mut self, condition: usize, t: f64, u: &[f64], v: Option<&[f64]>) -> [f64; 3] {
+        let mut out = [0.0; 3];
+        match &self.conditions[condition].kind {
+            Kind::Displacement | Kind::Velocity => {
+                let mut f = std::mem::take(&mut self.scratch);
+                self.total_force(t, u, v, &mut f);
+                for &(dof, c) in self.prescribed.iter().filter(|p| p.1 == condition as u32) {
+                    debug_assert_eq!(c as usize, condition);
+                    out[dof as usize % D] -= f[dof as usize];
+                }
+                self.scratch = f;
+            }
+            Kind::RigidWall(_) => each_contact::<D>(&self.conditions, self.body.position(), u, t, |n, _, wall, stiffness, depth| {
+                if n == condition {
+                    for k in 0..D {
+                        out[k] += stiffness * depth * wall.normal[k];
+                    }
+                }
+            }),
+            Kind::ForceDensity | Kind::Traction { .. } => {
+                let mut f = vec![0.0; u.len()];
+                add_external::<D>(&self.conditions[condition..=condition], self.body.position(), self.body.volume(), t, &mut f);
+                for (q, f) in f.iter().enumerate() {
+                    out[q % D] += f;
+                }
+            }
+        }
+        out
+    }
+
+    /// Energies and momenta.
+    pub fn balance(&mut self, t: f64, u: &[f64], v: &[f64]) -> Balance {
+        self.at_time(t);
+        let n = self.body.points();
+        let strain = self.body.energy(u);
+        let mut nothing = vec![0.0; u.len()];
+        let contact = add_walls::<D>(&self.conditions, self.body.position(), u, t, &mut nothing);
+        let kinetic = ordered_sum(u.len(), |q| 0.5 * self.mass[q] * v[q] * v[q]);
+        let mut momentum = [0.0; 3];
+        for k in 0..D {
+            momentum[k] = ordered_sum(n, |p| self.mass[p * D] * v[p * D + k]);
+        }
+        let x = |p: usize, k: usize| if k < D { self.positions[p * D + k] + u[p * D + k] } else { 0.0 };
+        let w = |p: usize, k: usize| if k < D { v[p * D + k] } else { 0.0 };
+        let mut angular_momentum = [0.0; 3];
+        for (k, l) in angular_momentum.iter_mut().enumerate() {
+            let (a, b) = ((k + 1) % 3, (k + 2) % 3);
+            *l = ordered_sum(n, |p| self.mass[p * D] * (x(p, a) * w(p, b) - x(p, b) * w(p, a)));
+        }
+        Balance { kinetic, strain, contact, external_work: self.work.done, momentum, angular_momentum }
+    }
+
+    /// Adds the work of the motion since the last call: mean of the old and new forces times the increment. `force` is the
+    /// total force; where a dof is fixed the body is driven by its opposite, elsewhere by the external part only.
+    fn add_work(&mut self, t: f64, u: &[f64], force: &[f64]) {
+        let mut driving = vec![0.0; u.len()];
+        add_external::<D>(&self.conditions, self.body.position(), self.body.volume(), t, &mut driving);
+        for &(dof, _) in &self.prescribed {
+            driving[dof as usize] -= force[dof as usize];
+        }
+        let work = &mut self.work;
+        work.done += ordered_sum(u.len(), |q| 0.5 * (driving[q] + work.force[q]) * (u[q] - work.u[q]));
+        work.u.copy_from_slice(u);
+        work.force = driving;
+    }
+
+    /// Breaks what exceeds its threshold; `batch` 0 breaks all.
+    fn break_exceeding(&mut self, u: &[f64], v: Option<&[f64]>, all: bool) -> Broken {
+        let mut total = Broken::default();
+        let mut found = vec![];
+        let mut least = f64::INFINITY;
+        for failure in &self.failure {
+            least = least.min(failure.batch);
+            found.extend(self.body.exceeding(u, v, &failure.criterion));
+        }
+        if found.is_empty() {
+            return total;
+        }
+        let worst = found.iter().fold(0.0f64, |m, f| m.max(f.1));
+        // ties break together: the threshold is a shade below the fraction of the worst
+        let limit = if all { 0.0 } else { worst * least * (1.0 - 1e-9) };
+        let broken = self.body.break_bonds(found.into_iter().filter(|f| f.1 >= limit).map(|f| f.0));
+        total.bonds += broken.bonds;
+        total.released += broken.released;
+        self.broken.bonds += total.bonds;
+        self.broken.released += total.released;
+        total
+    }
+
+    /// In statics: holds every dof of a fragment that no condition holds, so that the stiffness stays regular. A fragment
+    /// is a set of points joined by intact bonds.
+    fn hold_fragments(&mut self) {
+        let n = self.body.points();
+        let mut root: Vec<u32> = (0..n as u32).collect();
+        fn find(root: &mut [u32], mut a: u32) -> u32 {
+            while root[a as usize] != a {
+                root[a as usize] = root[root[a as usize] as usize];
+                a = root[a as usize];
+            }
+            a
+        }
+        for c in &self.body.chunks {
+            for i in 0..c.owned {
+                for s in c.slots(i).filter(|&s| c.is_intact(s)) {
+                    let a = find(&mut root, (c.first + i) as u32);
+                    let b = find(&mut root, c.points[c.neighbor[s] as usize]);
+                    root[a.max(b) as usize] = a.min(b);
+                }
+            }
+        }
+        let mut anchored = vec![false; n];
+        for &(dof, _) in &self.prescribed {
+            anchored[find(&mut root, dof / D as u32) as usize] = true;
+        }
+        let whole = find(&mut root, 0);
+        let one_piece = (0..n as u32).all(|p| find(&mut root, p) == whole);
+        self.held.fill(false);
+        self.fixed.fill(false);
+        for &(dof, _) in &self.prescribed {
+            self.fixed[dof as usize] = true;
+        }
+        // a body in one piece that nobody holds is the user's mistake, not a fragment: the solver will say so
+        if one_piece {
+            return;
+        }
+        for p in 0..n {
+            if !anchored[find(&mut root, p as u32) as usize] {
+                for k in 0..D {
+                    self.held[p * D + k] = true;
+                    self.fixed[p * D + k] = true;
+                }
+            }
+        }
+    }
+
+    /// Number of points of floating fragments (statics).
+    pub fn held_points(&self) -> usize {
+        self.held.iter().step_by(D).filter(|h| **h).count()
+    }
+
+    fn add_wall_stiffness(&self, t: f64, u: &[f64], x: &[f64], y: &mut [f64]) {
+        each_contact::<D>(&self.conditions, self.body.position(), u, t, |_, p, wall, stiffness, _| {
+            let along: f64 = (0..D).map(|k| wall.normal[k] * x[p * D + k]).sum();
+            for k in 0..D {
+                y[p * D + k] += stiffness * along * wall.normal[k];
+            }
+        });
+    }
+
+    fn fill_prescribed(&self, t: f64, out: &mut [f64], rate: bool) {
+        // difference step: the cube root of the round-off, relative to the run
+        let h = self.time_scale * 6e-6;
+        for &(dof, c) in &self.prescribed {
+            let (p, k) = (dof as usize / D, dof as usize % D);
+            let condition = &self.conditions[c as usize];
+            let x = self.body.position()[p];
+            let f = condition.components[k].as_ref().expect("prescribed components have a function");
+            match (&condition.kind, rate) {
+                (Kind::Displacement, false) => out[dof as usize] = f(x, t),
+                (Kind::Displacement, true) => {
+                    // one-sided at the start, where the function need not be defined before
+                    let a = (t - h).max(0.0);
+                    out[dof as usize] = (f(x, t + h) - f(x, a)) / (t + h - a);
+                }
+                (_, true) => out[dof as usize] = f(x, t),
+                (_, false) => {}
+            }
+        }
+    }
+}
+
+impl<const D: usize> Dynamics for Structure<D> {
+    fn dofs(&self) -> usize {
+        self.body.dofs()
+    }
+    fn mass(&self) -> &[f64] {
+        &self.mass
+    }
+    fn fixed(&self) -> &[bool] {
+        &self.fixed
+    }
+    fn force(&mut self, t: f64, u: &[f64], v: &[f64], f: &mut [f64]) -> Result<(), Stop> {
+        self.total_force(t, u, Some(v), f);
+        self.check(t, u, f)?;
+        self.add_work(t, u, f);
+        Ok(())
+    }
+    fn prescribe_displacement(&mut self, t: f64, u: &mut [f64]) {
+        self.fill_prescribed(t, u, false);
+    }
+    fn prescribe_velocity(&mut self, t: f64, v: &mut [f64]) {
+        self.fill_prescribed(t, v, true);
+    }
+    fn accept(&mut self, _: f64, u: &[f64], v: &[f64]) -> Result<bool, Stop> {
+        self.body.commit(u, Some(v));
+        if self.failure.is_empty() {
+            return Ok(false);
+        }
+        Ok(self.break_exceeding(u, Some(v), true).bonds > 0)
+    }
+    fn tangent_product(&mut self, t: f64, u: &[f64], x: &[f64], y: &mut [f64]) -> Result<(), Stop> {
+        self.at_time(t);
+        self.body.tangent_product(u, None, x, y);
+        self.evaluations.1 += 1;
+        self.add_wall_stiffness(t, u, x, y);
+        Ok(())
+    }
+}
+
+impl<const D: usize> Statics for Structure<D> {
+    fn dofs(&self) -> usize {
+        self.body.dofs()
+    }
+    fn dofs_per_point(&self) -> usize {
+        D
+    }
+    fn positions(&self) -> &[f64] {
+        &self.positions
+    }
+    fn fixed(&self) -> &[bool] {
+        &self.fixed
+    }
+    fn prescribe(&mut self, t: f64, u: &mut [f64]) {
+        self.fill_prescribed(t, u, false);
+    }
+    fn force(&mut self, t: f64, u: &[f64], f: &mut [f64]) -> Result<(), Stop> {
+        let applied = self.total_force(t, u, None, f);
+        self.check(t, u, f)?;
+        let reaction = self.prescribed.iter().map(|&(q, _)| f[q as usize] * f[q as usize]).sum::<f64>().sqrt();
+        self.force_scale = self.force_scale.max(applied).max(reaction);
+        Ok(())
+    }
+    fn energy(&mut self, t: f64, u: &[f64]) -> Option<f64> {
+        if !self.body.is_conservative() {
+            return None;
+        }
+        self.at_time(t);
+        let mut external = vec![0.0; u.len()];
+        add_external::<D>(&self.conditions, self.body.position(), self.body.volume(), t, &mut external);
+        let load = ordered_sum(u.len(), |q| external[q] * u[q]);
+        let wall = add_walls::<D>(&self.conditions, self.body.position(), u, t, &mut external);
+        Some(self.body.energy(u) + wall - load)
+    }
+    fn tangent_product(&mut self, t: f64, u: &[f64], x: &[f64], y: &mut [f64]) -> Result<(), Stop> {
+        Dynamics::tangent_product(self, t, u, x, y)
+    }
+    fn pattern(&mut self) -> Option<Arc<BlockPattern>> {
+        if self.pattern.is_none() {
+            let (starts, members) = self.body.couplings();
+            let families = FamilyList::new(self.body.points(), starts, members).ok()?;
+            let pattern = BlockPattern::from_families(D, &families).ok()?;
+            self.pattern = Some((Arc::new(pattern), families));
+        }
+        self.pattern.as_ref().map(|p| p.0.clone())
+    }
+    fn tangent(&mut self, t: f64, u: &[f64], matrix: &mut BlockMatrix) -> Result<(), Stop> {
+        self.at_time(t);
+        self.pattern();
+        self.body.forward(u, None);
+        let Some((_, families)) = &self.pattern else {
+            return Err(Stop::new("the stiffness is too large to be assembled; choose `method: conjugate_gradients`"));
+        };
+        let body = &self.body;
+        matrix.add_families(families, StiffnessScratch::default, |scratch, k, dense| {
+            body.family_stiffness(scratch, k, dense);
+            Ok::<(), Stop>(())
+        })?;
+        each_contact::<D>(&self.conditions, self.body.position(), u, t, |_, p, wall, stiffness, _| {
+            let block: Vec<f64> = (0..D * D).map(|q| stiffness * wall.normal[q / D] * wall.normal[q % D]).collect();
+            matrix.add_block(p, p, &block);
+        });
+        Ok(())
+    }
+    fn block_diagonal(&mut self, t: f64, u: &[f64], blocks: &mut [f64]) -> Result<(), Stop> {
+        self.at_time(t);
+        self.body.block_diagonal(u, blocks);
+        each_contact::<D>(&self.conditions, self.body.position(), u, t, |_, p, wall, stiffness, _| {
+            for q in 0..D * D {
+                blocks[p * D * D + q] += stiffness * wall.normal[q / D] * wall.normal[q % D];
+            }
+        });
+        Ok(())
+    }
+    fn force_scale(&self) -> f64 {
+        self.force_scale
+    }
+    fn break_bonds(&mut self, t: f64, u: &[f64]) -> Result<usize, Stop> {
+        if self.work_open {
+            // work of the increment at the forces before anything breaks: what breaks at this load dissipates, it does no work
+            let mut f = std::mem::take(&mut self.scratch);
+            self.total_force(t, u, None, &mut f);
+            self.add_work(t, u, &f);
+            self.scratch = f;
+            self.work_open = false;
+        }
+        if self.failure.is_empty() {
+            return Ok(0);
+        }
+        let broken = self.break_exceeding(u, None, false);
+        if broken.bonds > 0 {
+            self.hold_fragments();
+        }
+        Ok(broken.bonds)
+    }
+    fn accept(&mut self, t: f64, u: &[f64]) -> Result<(), Stop> {
+        let mut f = std::mem::take(&mut self.scratch);
+        self.total_force(t, u, None, &mut f);
+        self.add_work(t, u, &f);
+        self.scratch = f;
+        self.work_open = true;
+        self.body.commit(u, None);
+        Ok(())
+    }
+    fn checkpoint(&mut self) {
+        self.saved_work = Some(self.work.clone());
+        self.work_open = true;
+        if !self.failure.is_empty() {
+            self.body.save_damage(&mut self.saved);
+        }
+    }
+    fn rollback(&mut self) {
+        if let Some(work) = &self.saved_work {
+            self.work = work.clone();
+        }
+        self.work_open = true;
+        if !self.failure.is_empty() {
+            self.body.restore_damage(&self.saved);
+            self.hold_fragments();
+        }
+    }
+}
