@@ -1,1 +1,16 @@
-//! placeholder
+//! How a system is advanced: time integration, statics, Krylov and direct solvers over plain vectors.
+//!
+//! The crate knows vectors and operators, nothing of peridynamics. A body implements [`problem::Dynamics`] or [`problem::Statics`].
+#![forbid(unsafe_code)]
+
+pub mod direct;
+pub mod eigen;
+pub mod krylov;
+pub mod load_steps;
+pub mod newton;
+pub mod observe;
+pub mod ordering;
+pub mod problem;
+pub mod sparse;
+pub mod vector;
+pub mod velocity_verlet;

@@ -1,0 +1,515 @@
+//! Sparse Cholesky for assembled symmetric positive definite systems.
+//!
+//! The fixed dofs are eliminated, the points ordered by geometric nested dissection or by approximate minimum degree (whichever fills
+//! less), and the factor is computed by the supernodal kernels of `faer`. The symbolic work is done once per pattern and set of fixed
+//! dofs; each numeric factorisation reuses it and its memory.
+
+use std::sync::Arc;
+
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::cholesky::llt::factor::{LltError, LltParams, LltRegularization};
+use faer::prelude::ReborrowMut;
+use faer::sparse::linalg::amd;
+use faer::sparse::linalg::cholesky::{simplicial, supernodal};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Conj, MatMut, Par, Spec};
+
+use crate::ordering::{Graph, nested_dissection};
+use crate::sparse::{BlockMatrix, BlockPattern};
+use crate::vector;
+
+/// Why a direct solution failed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DirectError {
+    /// The matrix is not positive definite.
+    #[error(
+        "the stiffness is not positive definite (pivot at dof {dof}): a part of the body is free to move (add supports, or a \
+         zero-energy control), or the state is unstable (smaller load steps)"
+    )]
+    NotPositiveDefinite {
+        /// Dof of the first pivot that is not positive, in the numbering of the whole problem.
+        dof: usize,
+    },
+    /// The factor does not fit.
+    #[error(
+        "the factor of {dofs} dofs needs more memory than there is ({values} numbers): use conjugate gradients"
+    )]
+    OutOfMemory {
+        /// Number of free dofs.
+        dofs: usize,
+        /// Numbers in the factor, as far as known.
+        values: usize,
+    },
+    /// The solution is not accurate, after refinement.
+    #[error(
+        "the linear solution has relative residual {residual:.1e}: the stiffness is numerically singular"
+    )]
+    Inaccurate {
+        /// Relative residual reached.
+        residual: f64,
+    },
+    /// [`SparseCholesky::solve`] before a successful [`SparseCholesky::factor`].
+    #[error("there is no numeric factor: `factor` must succeed before `solve`")]
+    NotFactored,
+}
+
+/// Ordering used by a [`SparseCholesky`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ordering {
+    /// Geometric nested dissection, see [`crate::ordering`].
+    NestedDissection,
+    /// Approximate minimum degree on the graph of points (Amestoy, Davis and Duff 1996, SIAM J. Matrix Anal. Appl. 17).
+    MinimumDegree,
+}
+
+/// What a linear solution reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectReport {
+    /// `‖b − A x‖ / ‖b‖` over free dofs, after refinement.
+    pub residual: f64,
+}
+
+/// Relative residual beyond which a solution is not returned.
+const INACCURATE: f64 = 1e-6;
+
+/// Factor `P A Pᵀ = L Lᵀ` of the free part of a [`BlockMatrix`].
+pub struct SparseCholesky {
+    pattern: Arc<BlockPattern>,
+    fixed: Vec<bool>,
+    ordering: Ordering,
+    threads: usize,
+    /// Dof of each row of the permuted, reduced system.
+    dof: Vec<u32>,
+    /// Lower triangle of the permuted, reduced matrix by columns, the diagonal first; and where each entry comes from.
+    starts: Vec<usize>,
+    rows: Vec<usize>,
+    sources: Vec<u32>,
+    values: Vec<f64>,
+    symbolic: Option<supernodal::SymbolicSupernodalCholesky<usize>>,
+    factor: Vec<f64>,
+    factored: bool,
+    memory: Option<MemBuffer>,
+    right: Vec<f64>,
+    solution: Vec<f64>,
+    residual: Vec<f64>,
+}
+
+impl SparseCholesky {
+    /// Orders and analyses a pattern with the dofs marked in `fixed` eliminated.
+    ///
+    /// `positions` holds the same number of coordinates for each point; empty where there is no geometry (minimum degree is then
+    /// used). `threads` is the number of threads of the numeric work (0 counts as 1); the result is the same for any number.
+    ///
+    /// # Errors
+    /// [`DirectError::OutOfMemory`].
+    ///
+    /// # Panics
+    /// Where lengths do not agree.
+    pub fn analyze(
+        pattern: Arc<BlockPattern>,
+        positions: &[f64],
+        fixed: &[bool],
+        threads: usize,
+    ) -> Result<Self, DirectError> {
+        let (d, points) = (pattern.block(), pattern.points());
+        assert_eq!(fixed.len(), pattern.dofs());
+        let kept: Vec<bool> = (0..points)
+            .map(|p| fixed[p * d..(p + 1) * d].contains(&false))
+            .collect();
+        let kept_points: Vec<u32> = (0..points as u32).filter(|&p| kept[p as usize]).collect();
+        let free_of = |p: u32| {
+            (0..d)
+                .filter(move |i| !fixed[p as usize * d + i])
+                .map(move |i| p as usize * d + i)
+        };
+        let graph = Graph::new(&pattern, &kept);
+        let dofs: usize = kept_points.iter().map(|&p| free_of(p).count()).sum();
+        let out_of_memory = |values| DirectError::OutOfMemory { dofs, values };
+
+        let minimum = minimum_degree(&graph).ok_or(out_of_memory(0))?;
+        let minimum_fill = fill(&graph, &minimum).ok_or(out_of_memory(0))?;
+        let (mut order, mut ordering) = (minimum, Ordering::MinimumDegree);
+        if !positions.is_empty() && points > 0 {
+            let dimension = positions.len() / points;
+            assert_eq!(positions.len(), points * dimension);
+            let kept_positions: Vec<f64> = kept_points
+                .iter()
+                .flat_map(|&p| {
+                    positions[p as usize * dimension..(p as usize + 1) * dimension]
+                        .iter()
+                        .copied()
+                })
+                .collect();
+            let dissected = nested_dissection(&graph, &kept_positions, dimension);
+            if fill(&graph, &dissected).ok_or(out_of_memory(0))? < minimum_fill {
+                (order, ordering) = (dissected, Ordering::NestedDissection);
+            }
+        }
+
+        // Permuted numbers of the free dofs: those of a point stay together.
+        let mut dof = Vec::with_capacity(dofs);
+        let mut number = vec![usize::MAX; pattern.dofs()];
+        for &k in &order {
+            for i in free_of(kept_points[k as usize]) {
+                number[i] = dof.len();
+                dof.push(i as u32);
+            }
+        }
+        let (starts, rows, sources) = reduced_columns(&pattern, &number, dofs);
+        let mut this = Self {
+            pattern,
+            fixed: fixed.to_vec(),
+            ordering,
+            threads: threads.max(1),
+            dof,
+            values: vec![0.0; rows.len()],
+            starts,
+            rows,
+            sources,
+            symbolic: None,
+            factor: Vec::new(),
+            factored: false,
+            memory: None,
+            right: vec![0.0; dofs],
+            solution: vec![0.0; dofs],
+            residual: vec![0.0; dofs],
+        };
+        this.symbolic = Some(this.analyze_columns().ok_or(out_of_memory(0))?);
+        Ok(this)
+    }
+
+    /// The symbolic supernodal factor; `None` where memory or the range of indices does not suffice.
+    fn analyze_columns(&self) -> Option<supernodal::SymbolicSupernodalCholesky<usize>> {
+        let n = self.dof.len();
+        // `faer` analyses the upper triangle: the transposed pattern.
+        let (upper_starts, upper_rows) = transpose(n, &self.starts, &self.rows);
+        let upper = SymbolicSparseColMatRef::new_checked(n, n, &upper_starts, None, &upper_rows);
+        let request = StackReq::any_of(&[
+            simplicial::prefactorize_symbolic_cholesky_scratch::<usize>(n, upper_rows.len()),
+            supernodal::factorize_supernodal_symbolic_cholesky_scratch::<usize>(n),
+        ]);
+        let mut memory = MemBuffer::try_new(request).ok()?;
+        let stack = MemStack::new(&mut memory);
+        let (mut tree, mut counts) = (vec![0isize; n], vec![0usize; n]);
+        let tree = simplicial::prefactorize_symbolic_cholesky(&mut tree, &mut counts, upper, stack);
+        supernodal::factorize_supernodal_symbolic_cholesky(
+            upper,
+            tree,
+            &counts,
+            stack,
+            Default::default(),
+        )
+        .ok()
+    }
+
+    fn symbolic(&self) -> &supernodal::SymbolicSupernodalCholesky<usize> {
+        self.symbolic.as_ref().expect("set by `analyze`")
+    }
+
+    /// Whether this analysis serves a matrix of that pattern with those fixed dofs.
+    pub fn serves(&self, pattern: &Arc<BlockPattern>, fixed: &[bool]) -> bool {
+        Arc::ptr_eq(&self.pattern, pattern) && self.fixed == fixed
+    }
+
+    /// The ordering that was chosen.
+    pub fn ordering(&self) -> Ordering {
+        self.ordering
+    }
+
+    /// Number of free dofs.
+    pub fn free_dofs(&self) -> usize {
+        self.dof.len()
+    }
+
+    /// Numbers in the factor, explicit zeros of the supernodes included.
+    pub fn factor_values(&self) -> usize {
+        self.symbolic().len_val()
+    }
+
+    /// Bytes that the factor and its reduced matrix take.
+    pub fn bytes(&self) -> usize {
+        8 * self.factor_values() + 20 * self.rows.len()
+    }
+
+    /// Factors `matrix + diag(addition)`; `addition` has one entry per dof of the whole problem.
+    ///
+    /// # Errors
+    /// [`DirectError::NotPositiveDefinite`] with the dof of the failing pivot; [`DirectError::OutOfMemory`].
+    ///
+    /// # Panics
+    /// Where the matrix has another pattern than the one analysed.
+    pub fn factor(
+        &mut self,
+        matrix: &BlockMatrix,
+        addition: Option<&[f64]>,
+    ) -> Result<(), DirectError> {
+        assert!(
+            Arc::ptr_eq(matrix.pattern(), &self.pattern),
+            "the matrix must share the analysed pattern"
+        );
+        self.factored = false;
+        let n = self.dof.len();
+        if n == 0 {
+            self.factored = true;
+            return Ok(());
+        }
+        let source = matrix.values();
+        for (value, &from) in self.values.iter_mut().zip(&self.sources) {
+            *value = source[from as usize];
+        }
+        if let Some(addition) = addition {
+            for k in 0..n {
+                self.values[self.starts[k]] += addition[self.dof[k] as usize];
+            }
+        }
+        // A pivot that is NaN is not reliably refused by the dense kernels.
+        for k in 0..n {
+            let pivot = self.values[self.starts[k]];
+            if !(pivot > 0.0 && pivot.is_finite()) {
+                return Err(DirectError::NotPositiveDefinite {
+                    dof: self.dof[k] as usize,
+                });
+            }
+        }
+        let par = parallelism(self.threads);
+        let symbolic = self.symbolic.as_ref().expect("set by `analyze`");
+        let out_of_memory = DirectError::OutOfMemory {
+            dofs: n,
+            values: symbolic.len_val(),
+        };
+        if self.factor.is_empty() {
+            self.factor
+                .try_reserve_exact(symbolic.len_val())
+                .map_err(|_| out_of_memory.clone())?;
+            self.factor.resize(symbolic.len_val(), 0.0);
+            let params: Spec<LltParams, f64> = Default::default();
+            let request = supernodal::factorize_supernodal_numeric_llt_scratch::<usize, f64>(
+                symbolic, par, params,
+            )
+            .or(symbolic.solve_in_place_scratch::<f64>(1, par));
+            self.memory = Some(MemBuffer::try_new(request).map_err(|_| out_of_memory)?);
+        }
+        let stack = MemStack::new(self.memory.as_mut().expect("allocated with the factor"));
+        let pattern =
+            SymbolicSparseColMatRef::new_unsorted_checked(n, n, &self.starts, None, &self.rows);
+        let lower = SparseColMatRef::new(pattern, &self.values);
+        supernodal::factorize_supernodal_numeric_llt(
+            &mut self.factor,
+            lower,
+            LltRegularization::default(),
+            symbolic,
+            par,
+            stack,
+            Default::default(),
+        )
+        .map_err(|LltError::NonPositivePivot { index }| {
+            DirectError::NotPositiveDefinite {
+                dof: self.dof[index.min(n - 1)] as usize,
+            }
+        })?;
+        self.factored = true;
+        Ok(())
+    }
+
+    /// Solves `A x = b` for the free dofs with the matrix last factored, with one step of iterative refinement where it helps. Fixed
+    /// entries of `b` are not read; those of `x` become zero.
+    ///
+    /// # Errors
+    /// [`DirectError::Inaccurate`] where the relative residual stays above 1e-6; [`DirectError::NotFactored`].
+    pub fn solve(&mut self, b: &[f64], x: &mut [f64]) -> Result<DirectReport, DirectError> {
+        if !self.factored {
+            return Err(DirectError::NotFactored);
+        }
+        x.fill(0.0);
+        for (right, &dof) in self.right.iter_mut().zip(&self.dof) {
+            *right = b[dof as usize];
+        }
+        let scale = vector::norm(&self.right);
+        if scale == 0.0 {
+            return Ok(DirectReport { residual: 0.0 });
+        }
+        self.solution.copy_from_slice(&self.right);
+        self.back_substitute(false);
+        let mut reached = self.compute_residual() / scale;
+        if reached > 4.0 * f64::EPSILON {
+            self.back_substitute(true);
+            vector::add_scaled(&mut self.solution, 1.0, &self.residual);
+            // Keep the refined solution only where it is better: near singular matrices can make it worse.
+            let correction = std::mem::take(&mut self.residual);
+            self.residual = vec![0.0; correction.len()];
+            let refined = self.compute_residual() / scale;
+            if refined < reached {
+                reached = refined;
+            } else {
+                vector::add_scaled(&mut self.solution, -1.0, &correction);
+            }
+        }
+        if reached > INACCURATE || reached.is_nan() {
+            return Err(DirectError::Inaccurate { residual: reached });
+        }
+        for (&dof, &value) in self.dof.iter().zip(&self.solution) {
+            x[dof as usize] = value;
+        }
+        Ok(DirectReport { residual: reached })
+    }
+
+    /// Solves in place with the factor alone: in `residual` or in `solution`.
+    fn back_substitute(&mut self, residual: bool) {
+        let symbolic = self.symbolic.as_ref().expect("set by `analyze`");
+        let llt = supernodal::SupernodalLltRef::new(symbolic, &self.factor);
+        let stack = MemStack::new(self.memory.as_mut().expect("allocated with the factor"));
+        let vector = if residual {
+            &mut self.residual
+        } else {
+            &mut self.solution
+        };
+        let n = vector.len();
+        let mut vector = MatMut::from_column_major_slice_mut(vector, n, 1);
+        // One right-hand side is bound by memory: threads would only spin.
+        llt.solve_in_place_with_conj(Conj::No, vector.rb_mut(), Par::Seq, stack);
+    }
+
+    /// `residual = right − A solution`; returns its norm.
+    fn compute_residual(&mut self) -> f64 {
+        self.residual.copy_from_slice(&self.right);
+        for column in 0..self.dof.len() {
+            let (first, last) = (self.starts[column], self.starts[column + 1]);
+            let x = self.solution[column];
+            let mut sum = self.values[first] * x;
+            for k in first + 1..last {
+                let row = self.rows[k];
+                sum += self.values[k] * self.solution[row];
+                self.residual[row] -= self.values[k] * x;
+            }
+            self.residual[column] -= sum;
+        }
+        vector::norm(&self.residual)
+    }
+}
+
+fn parallelism(threads: usize) -> Par {
+    if threads > 1 {
+        Par::rayon(threads)
+    } else {
+        Par::Seq
+    }
+}
+
+/// Lower triangle of the permuted matrix by columns (diagonal first), with the place of each entry among the block values. `number`
+/// maps dofs to permuted numbers, `usize::MAX` for fixed ones.
+fn reduced_columns(
+    pattern: &BlockPattern,
+    number: &[usize],
+    dofs: usize,
+) -> (Vec<usize>, Vec<usize>, Vec<u32>) {
+    let d = pattern.block();
+    let visit = |mut entry: Box<dyn FnMut(usize, usize, usize) + '_>| {
+        for column in 0..pattern.points() {
+            let first = pattern.first_slot(column);
+            for (k, &row) in pattern.column(column).iter().enumerate() {
+                for j in 0..d {
+                    // Of a diagonal block, whole in memory, the lower half is enough.
+                    for i in if k == 0 { j } else { 0 }..d {
+                        let (a, b) = (number[row as usize * d + i], number[column * d + j]);
+                        if a != usize::MAX && b != usize::MAX {
+                            entry(a.max(b), a.min(b), ((first + k) * d + j) * d + i);
+                        }
+                    }
+                }
+            }
+        }
+    };
+    let mut starts = vec![0usize; dofs + 1];
+    visit(Box::new(|_, column, _| starts[column + 1] += 1));
+    for k in 0..dofs {
+        starts[k + 1] += starts[k];
+    }
+    let (mut rows, mut sources) = (vec![0usize; starts[dofs]], vec![0u32; starts[dofs]]);
+    // The diagonal takes the first place of its column.
+    let mut next: Vec<usize> = starts[..dofs].iter().map(|s| s + 1).collect();
+    visit(Box::new(|row, column, source| {
+        let place = if row == column {
+            starts[column]
+        } else {
+            next[column]
+        };
+        next[column] += usize::from(row != column);
+        rows[place] = row;
+        sources[place] = source as u32;
+    }));
+    (starts, rows, sources)
+}
+
+fn transpose(n: usize, starts: &[usize], rows: &[usize]) -> (Vec<usize>, Vec<usize>) {
+    let mut upper = vec![0usize; n + 1];
+    for &row in rows {
+        upper[row + 1] += 1;
+    }
+    for k in 0..n {
+        upper[k + 1] += upper[k];
+    }
+    let mut next = upper.clone();
+    let mut columns = vec![0usize; rows.len()];
+    for column in 0..n {
+        for &row in &rows[starts[column]..starts[column + 1]] {
+            columns[next[row]] = column;
+            next[row] += 1;
+        }
+    }
+    (upper, columns)
+}
+
+/// Approximate minimum degree on the graph of points; `None` where memory does not suffice.
+fn minimum_degree(graph: &Graph) -> Option<Vec<u32>> {
+    let n = graph.len();
+    let (mut starts, mut rows) = (vec![0usize], Vec::new());
+    for p in 0..n {
+        rows.extend(
+            graph
+                .neighbors(p)
+                .iter()
+                .map(|&q| q as usize)
+                .filter(|&q| q < p),
+        );
+        starts.push(rows.len());
+    }
+    let upper = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &starts, None, &rows);
+    let mut memory =
+        MemBuffer::try_new(amd::order_maybe_unsorted_scratch::<usize>(n, rows.len())).ok()?;
+    let (mut order, mut inverse) = (vec![0usize; n], vec![0usize; n]);
+    let stack = MemStack::new(&mut memory);
+    amd::order_maybe_unsorted(&mut order, &mut inverse, upper, Default::default(), stack).ok()?;
+    Some(order.into_iter().map(|p| p as u32).collect())
+}
+
+/// Blocks in the factor of the graph of points eliminated in this order.
+fn fill(graph: &Graph, order: &[u32]) -> Option<usize> {
+    let n = graph.len();
+    let mut number = vec![0usize; n];
+    for (k, &p) in order.iter().enumerate() {
+        number[p as usize] = k;
+    }
+    let (mut starts, mut rows) = (vec![0usize], Vec::new());
+    for (k, &p) in order.iter().enumerate() {
+        rows.extend(
+            graph
+                .neighbors(p as usize)
+                .iter()
+                .map(|&q| number[q as usize])
+                .filter(|&q| q < k),
+        );
+        starts.push(rows.len());
+    }
+    let upper = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &starts, None, &rows);
+    let request = simplicial::prefactorize_symbolic_cholesky_scratch::<usize>(n, rows.len());
+    let mut memory = MemBuffer::try_new(request).ok()?;
+    let (mut tree, mut counts) = (vec![0isize; n], vec![0usize; n]);
+    simplicial::prefactorize_symbolic_cholesky(
+        &mut tree,
+        &mut counts,
+        upper,
+        MemStack::new(&mut memory),
+    );
+    Some(counts.iter().sum())
+}
