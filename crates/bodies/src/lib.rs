@@ -5,6 +5,6 @@ pub mod body;
 pub mod chunk;
 pub mod damage;
 pub mod loads;
-// pub mod measures;
+pub mod measures;
 pub mod part;
-// pub mod structure;
+pub mod structure;
