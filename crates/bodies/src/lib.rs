@@ -2,9 +2,18 @@
 #![forbid(unsafe_code)]
 
 pub mod body;
+mod cells;
 pub mod chunk;
+pub mod crack;
 pub mod damage;
+pub mod generate;
 pub mod loads;
 pub mod measures;
+pub mod neighbors;
+mod orientation;
 pub mod part;
+pub mod points;
+pub mod region;
+pub mod sort;
 pub mod structure;
+pub mod visibility;
