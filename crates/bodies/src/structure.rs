@@ -503,7 +503,8 @@ impl<const D: usize> Statics for Structure<D> {
         })?;
         each_contact::<D>(&self.conditions, self.body.position(), u, t, |_, p, wall, stiffness, _| {
             let block: Vec<f64> = (0..D * D).map(|q| stiffness * wall.normal[q / D] * wall.normal[q % D]).collect();
-            matrix.add_block(p, p, &block);
+            let added = matrix.add_block(p, p, &block);
+            debug_assert!(added, "the pattern has every diagonal block");
         });
         Ok(())
     }

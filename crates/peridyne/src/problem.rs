@@ -1,0 +1,546 @@
+//! From the deck as typed to a validated problem: points, sets, materials and conditions that fit together. All faults are
+//! found before anything is computed, each with its place in the deck.
+
+use crate::deck::{self, Axis, Condition, Deck, DeckErrors, Issue, Lattice, PointSet, Points, Region, SetRule, Shape, Solver, Span};
+use bodies::crack::{Crack, Cracks};
+use bodies::generate::{self, Filling, Jitter};
+use bodies::neighbors::{Mirror, Neighbors, neighbors_with_mirrors};
+use bodies::points::PointCloud;
+use bodies::region;
+use physics::elasticity::Section;
+use std::collections::BTreeMap;
+
+/// A validated problem. Points are in sorted order throughout.
+pub struct Problem {
+    /// The deck.
+    pub deck: Deck,
+    /// The section.
+    pub section: Section,
+    /// The points.
+    pub cloud: PointCloud,
+    /// Place of each sorted point in the user's order.
+    pub user: Vec<u32>,
+    /// Horizon of each point.
+    pub horizon: Vec<f64>,
+    /// Points of each set, ascending; with `all` and the blocks.
+    pub sets: BTreeMap<String, Vec<u32>>,
+    /// Number of the material of each point.
+    pub material: Vec<u32>,
+    /// Families, without the bonds that cross voids.
+    pub neighbors: Neighbors,
+    /// Bonds left out because they cross voids.
+    pub hidden_bonds: usize,
+    /// Pre-cracks.
+    pub cracks: Option<Cracks>,
+}
+
+type Checked<T> = Result<T, Vec<Issue>>;
+
+impl Problem {
+    /// Builds the problem of a deck.
+    ///
+    /// # Errors
+    /// Every fault found.
+    pub fn new(deck: Deck) -> Result<Self, DeckErrors> {
+        Self::build(&deck).map_err(|issues| deck.errors(issues)).map(|(section, parts)| {
+            let Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks } = parts;
+            Problem { deck, section, cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks }
+        })
+    }
+
+    fn build(deck: &Deck) -> Checked<(Section, Built)> {
+        let section = section(deck);
+        let mut issues = vec![];
+        let cloud = points(deck, section)?;
+        let order = cloud.spatial_order();
+        let user = order.order().to_vec();
+        let cloud = cloud.reordered(&order);
+
+        let body = &deck.body;
+        let horizon: Vec<f64> = cloud.position.iter().map(|&x| body.horizon.eval(x, 0.0)).collect();
+        if let Some(p) = (0..cloud.len()).find(|&p| horizon[p].is_nan() || horizon[p] < cloud.spacing[p] * (1.0 - 1e-9)) {
+            issues.push(Issue::new(
+                body.horizon.span,
+                format!("the horizon is {:.6e} at point {}, below the spacing {:.6e}", horizon[p], cloud.id[p], cloud.spacing[p]),
+                "a family needs neighbours: use about three spacings, for example `horizon: 3.015*dx`",
+            ));
+            return Err(issues);
+        }
+        let sets = sets(deck, &cloud, &mut issues);
+        let material = materials(deck, &cloud, &sets, &mut issues);
+        conditions(deck, &cloud, &sets, &mut issues);
+
+        let mirrors: Vec<Mirror> = deck
+            .conditions
+            .iter()
+            .filter_map(|c| match c {
+                Condition::Symmetry(s) => Some(Mirror { axis: s.normal.value.index(), at: s.at.value }),
+                _ => None,
+            })
+            .collect();
+        let mirror_span = deck.conditions.iter().find(|c| matches!(c, Condition::Symmetry(_))).map_or(body.horizon.span, Condition::span);
+        let found = match neighbors_with_mirrors(&cloud.position, cloud.dimension, &cloud.spacing, &horizon, &mirrors) {
+            Ok(found) => found,
+            Err(e) => {
+                issues.push(Issue::new(mirror_span, e.to_string(), "move the symmetry plane to the face of the body, half a spacing from its outer points"));
+                return Err(issues);
+            }
+        };
+        let (neighbors, hidden_bonds) = if body.visibility {
+            match bodies::visibility::across_voids(&cloud, &found, None) {
+                Ok(hidden) => {
+                    let count = hidden.iter().filter(|h| **h).count();
+                    (if count > 0 { found.without(&hidden) } else { found }, count)
+                }
+                Err(e) => {
+                    issues.push(Issue::new(body.span, e.to_string(), "turn the test off with `visibility: false`"));
+                    return Err(issues);
+                }
+            }
+        } else {
+            (found, 0)
+        };
+        let lonely: Vec<u64> = (0..cloud.len()).filter(|&p| neighbors.bonds_of(p).is_empty()).map(|p| cloud.id[p]).collect();
+        if !lonely.is_empty() {
+            issues.push(Issue::new(
+                body.horizon.span,
+                format!("{} points have no neighbour within the horizon, the first is point {}", lonely.len(), lonely[0]),
+                "enlarge the horizon, or remove the points",
+            ));
+        }
+        let cracks = cracks(deck, &mut issues);
+        if issues.is_empty() { Ok((section, Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks })) } else { Err(issues) }
+    }
+
+    /// Points of a set.
+    pub fn set(&self, name: &str) -> &[u32] {
+        self.sets.get(name).map_or(&[], Vec::as_slice)
+    }
+
+    /// The point nearest to a position (sorted index); ties go to the smaller id.
+    pub fn nearest(&self, x: [f64; 3]) -> usize {
+        nearest(&self.cloud, x)
+    }
+
+    /// End of the run: a time in dynamics, a load parameter in statics.
+    pub fn end(&self) -> Option<f64> {
+        match &self.deck.solver {
+            Solver::VelocityVerlet(v) => v.end.map(|q| q.value),
+            Solver::Statics(s) => Some(s.end.value),
+            Solver::DynamicRelaxation(s) => Some(s.end.value),
+        }
+    }
+}
+
+struct Built {
+    cloud: PointCloud,
+    user: Vec<u32>,
+    horizon: Vec<f64>,
+    sets: BTreeMap<String, Vec<u32>>,
+    material: Vec<u32>,
+    neighbors: Neighbors,
+    hidden_bonds: usize,
+    cracks: Option<Cracks>,
+}
+
+fn section(deck: &Deck) -> Section {
+    let body = &deck.body;
+    let thickness = body.thickness.map_or(1.0, |t| t.value);
+    match (body.dimensions(), body.plane.as_ref().map(|p| &p.value)) {
+        (1, _) => Section::Bar { area: body.area.map_or(1.0, |a| a.value) },
+        (2, Some(deck::Plane::Stress)) => Section::PlaneStress { thickness },
+        (2, _) => Section::PlaneStrain { thickness },
+        _ => Section::Solid,
+    }
+}
+
+fn lattice_of(source: &Points) -> Option<&Lattice> {
+    match source {
+        Points::Line(s) => Some(&s.lattice),
+        Points::Rectangle(s) => Some(&s.lattice),
+        Points::Box(s) => Some(&s.lattice),
+        Points::Disc(s) => Some(&s.lattice),
+        Points::Cylinder(s) => Some(&s.lattice),
+        Points::Sphere(s) => Some(&s.lattice),
+        Points::File(_) => None,
+    }
+}
+
+fn points(deck: &Deck, section: Section) -> Checked<PointCloud> {
+    let mut issues = vec![];
+    let mut whole: Option<PointCloud> = None;
+    for source in &deck.body.points {
+        let made = match source {
+            Points::File(file) => crate::point_file::read(&deck.resolve(&file.path.value), section, file.spacing.map(|s| s.value))
+                .map_err(|e| e.issues(file.path.span, &file.path.value)),
+            _ => generated(source, section).map_err(|e| vec![e]),
+        };
+        match made {
+            Ok(cloud) => match &mut whole {
+                Some(w) => w.join(&cloud),
+                None => whole = Some(cloud),
+            },
+            Err(e) => issues.extend(e),
+        }
+    }
+    let span = deck.body.span;
+    if let Some(cloud) = &mut whole {
+        if cloud.is_empty() {
+            issues.push(Issue::new(span, "no points are left", "the cuts remove the whole body: check `minus` and `only`"));
+        } else if deck.body.points.len() > 1 {
+            // generators number their points from 0 each: number the joined cloud anew, unless a file gave the ids
+            let from_file = deck.body.points.iter().any(|p| matches!(p, Points::File(_)));
+            if !from_file {
+                cloud.id = (0..cloud.len() as u64).collect();
+            }
+        }
+        if let Err(e) = cloud.validate() {
+            for error in e.first.iter() {
+                issues.push(Issue::new(span, error.to_string(), "correct the points or the shapes that make them"));
+            }
+            if e.count > e.first.len() {
+                issues.push(Issue::new(span, format!("… and {} faults of points more", e.count - e.first.len()), ""));
+            }
+        }
+    }
+    match whole {
+        Some(cloud) if issues.is_empty() => Ok(cloud),
+        _ => Err(issues),
+    }
+}
+
+fn generated(source: &Points, section: Section) -> Result<PointCloud, Issue> {
+    let lattice = lattice_of(source).expect("files are read elsewhere");
+    let a2 = |q: &[deck::Quantity<deck::Length>; 2]| q.each_ref().map(|q| q.value);
+    let a3 = |q: &[deck::Quantity<deck::Length>; 3]| q.each_ref().map(|q| q.value);
+    let inner = |q: &Option<deck::Quantity<deck::Length>>| q.map_or(0.0, |q| q.value);
+    let shape = match source {
+        Points::Line(s) => generate::Shape::Line { from: s.from.value, to: s.to.value },
+        Points::Rectangle(s) => generate::Shape::Rectangle { from: a2(&s.from), to: a2(&s.to) },
+        Points::Box(s) => generate::Shape::Box { from: a3(&s.from), to: a3(&s.to) },
+        Points::Disc(s) => generate::Shape::Disc { centre: a2(&s.center), radius: s.radius.value, inner_radius: inner(&s.inner_radius) },
+        Points::Cylinder(s) => {
+            generate::Shape::Cylinder { from: a3(&s.from), to: a3(&s.to), radius: s.radius.value, inner_radius: inner(&s.inner_radius) }
+        }
+        Points::Sphere(s) => generate::Shape::Sphere { centre: a3(&s.center), radius: s.radius.value, inner_radius: inner(&s.inner_radius) },
+        Points::File(_) => unreachable!("files are read elsewhere"),
+    };
+    let mut filling = Filling::of_spacing(lattice.spacing.value);
+    filling.section = section.measure();
+    filling.jitter = lattice.jitter.as_ref().map(|j| Jitter { amplitude: j.amplitude.value, seed: j.seed.value });
+    if let Some(block) = &lattice.block {
+        filling.block = block.value.clone();
+    }
+    let mut cloud = shape
+        .fill(&filling)
+        .map_err(|e| Issue::new(lattice.spacing.span, e.to_string(), "choose a spacing that divides the lengths, for example `L/100`"))?;
+    for cut in &lattice.minus {
+        let inside = region_of(cut);
+        cloud.remove(&*inside);
+    }
+    if let Some(only) = &lattice.only {
+        let inside = region_of(only);
+        cloud.keep(&*inside);
+    }
+    // ids run without gaps over the points that are left
+    cloud.id = (0..cloud.len() as u64).collect();
+    Ok(cloud)
+}
+
+type Inside = Box<dyn Fn([f64; 3]) -> bool>;
+
+fn region_of(region: &Region) -> Inside {
+    match region {
+        Region::Where(f) => {
+            let f = f.clone();
+            Box::new(move |x| f.eval(x, 0.0) > 0.0)
+        }
+        Region::Shape(shape) => shape_of(shape),
+    }
+}
+
+fn shape_of(shape: &Shape) -> Inside {
+    match shape {
+        Shape::Polygon(corners) => polygon_of(corners),
+        Shape::Disc(ball) => ball_of(ball),
+        Shape::Box(bounds) => box_of(bounds),
+    }
+}
+
+fn polygon_of(corners: &[[deck::Quantity<deck::Length>; 2]]) -> Inside {
+    Box::new(region::polygon(corners.iter().map(|c| c.each_ref().map(|q| q.value)).collect()))
+}
+
+fn ball_of(ball: &deck::Ball) -> Inside {
+    Box::new(region::ball(ball.center.point(), ball.radius.value))
+}
+
+fn box_of(bounds: &deck::Bounds) -> Inside {
+    Box::new(region::cuboid(bounds.from.point(), bounds.to.point()))
+}
+
+fn nearest(cloud: &PointCloud, x: [f64; 3]) -> usize {
+    let square = |p: usize| (0..cloud.dimension).map(|k| (cloud.position[p][k] - x[k]).powi(2)).sum::<f64>();
+    (0..cloud.len()).min_by(|&a, &b| square(a).total_cmp(&square(b)).then(cloud.id[a].cmp(&cloud.id[b]))).unwrap_or(0)
+}
+
+fn sets(deck: &Deck, cloud: &PointCloud, issues: &mut Vec<Issue>) -> BTreeMap<String, Vec<u32>> {
+    let mut known: BTreeMap<String, Vec<u32>> = BTreeMap::new();
+    known.insert("all".into(), (0..cloud.len() as u32).collect());
+    for (b, name) in cloud.block_names.iter().enumerate() {
+        known.insert(name.clone(), (0..cloud.len() as u32).filter(|&p| cloud.block[p as usize] == b as u32).collect());
+    }
+    for (name, _) in deck.sets.iter() {
+        resolve(deck, cloud, &name.value, name.span, &mut vec![], &mut known, issues);
+    }
+    for (name, _) in deck.sets.iter() {
+        if known.get(&name.value).is_some_and(Vec::is_empty) {
+            issues.push(Issue::new(name.span, format!("the set `{}` has no points", name.value), "check its rule against the extent of the body"));
+        }
+    }
+    known
+}
+
+/// Evaluates a named set, and first the sets it names.
+fn resolve(
+    deck: &Deck,
+    cloud: &PointCloud,
+    name: &str,
+    span: Span,
+    open: &mut Vec<String>,
+    known: &mut BTreeMap<String, Vec<u32>>,
+    issues: &mut Vec<Issue>,
+) -> Vec<u32> {
+    if let Some(points) = known.get(name) {
+        return points.clone();
+    }
+    let Some(set) = deck.sets.get(name) else {
+        issues.push(Issue::new(span, format!("there is no set `{name}`"), "define it under `sets:`"));
+        return vec![];
+    };
+    if open.iter().any(|o| o == name) {
+        issues.push(Issue::new(span, format!("the set `{name}` is defined by itself"), "remove the circle"));
+        return vec![];
+    }
+    open.push(name.into());
+    let inside = members(deck, cloud, set, span, open, known, issues);
+    open.pop();
+    let points: Vec<u32> = (0..cloud.len() as u32).filter(|&p| inside[p as usize]).collect();
+    known.insert(name.into(), points.clone());
+    points
+}
+
+fn members(
+    deck: &Deck,
+    cloud: &PointCloud,
+    set: &PointSet,
+    span: Span,
+    open: &mut Vec<String>,
+    known: &mut BTreeMap<String, Vec<u32>>,
+    issues: &mut Vec<Issue>,
+) -> Vec<bool> {
+    let by = |inside: &dyn Fn([f64; 3]) -> bool| -> Vec<bool> { cloud.position.iter().map(|&x| inside(x)).collect() };
+    let marked = |points: &[u32]| {
+        let mut inside = vec![false; cloud.len()];
+        points.iter().for_each(|&p| inside[p as usize] = true);
+        inside
+    };
+    let rule = match set {
+        PointSet::Name(name) => return marked(&resolve(deck, cloud, &name.value, name.span, open, known, issues)),
+        PointSet::Rule(rule) => rule,
+    };
+    match rule {
+        SetRule::Where(f) => by(&|x| f.eval(x, 0.0) > 0.0),
+        SetRule::Box(b) => by(&*box_of(b)),
+        SetRule::Disc(b) => by(&*ball_of(b)),
+        SetRule::Polygon(c) => by(&*polygon_of(c)),
+        SetRule::Nearest(x) => marked(&[nearest(cloud, x.point()) as u32]),
+        SetRule::Ids(ids) => ids_of(cloud, ids.iter().map(|i| (i.value, i.span)), issues),
+        SetRule::Layer(l) => {
+            let (axis, last) = l.side.axis();
+            layers(cloud, axis, last, l.count.value as usize)
+        }
+        SetRule::AllOf(parts) => {
+            let all: Vec<Vec<bool>> = parts.iter().map(|s| members(deck, cloud, s, span, open, known, issues)).collect();
+            (0..cloud.len()).map(|p| all.iter().all(|m| m[p])).collect()
+        }
+        SetRule::AnyOf(parts) => {
+            let all: Vec<Vec<bool>> = parts.iter().map(|s| members(deck, cloud, s, span, open, known, issues)).collect();
+            (0..cloud.len()).map(|p| all.iter().any(|m| m[p])).collect()
+        }
+        SetRule::Not(part) => members(deck, cloud, part, span, open, known, issues).into_iter().map(|m| !m).collect(),
+        SetRule::File(path) => match crate::point_file::read_ids(&deck.resolve(&path.value)) {
+            Ok(ids) => ids_of(cloud, ids.into_iter().map(|i| (i, path.span)), issues),
+            Err(e) => {
+                issues.push(Issue::new(path.span, e, "write one point id a line"));
+                vec![false; cloud.len()]
+            }
+        },
+    }
+}
+
+fn ids_of(cloud: &PointCloud, ids: impl Iterator<Item = (u64, Span)>, issues: &mut Vec<Issue>) -> Vec<bool> {
+    let place: std::collections::HashMap<u64, usize> = cloud.id.iter().enumerate().map(|(p, &i)| (i, p)).collect();
+    let mut inside = vec![false; cloud.len()];
+    for (id, span) in ids {
+        match place.get(&id) {
+            Some(&p) => inside[p] = true,
+            None => issues.push(Issue::new(span, format!("there is no point with id {id}"), "ids are those of the point file, or count from 0")),
+        }
+    }
+    inside
+}
+
+/// The outermost `count` layers of points along an axis: coordinates that differ by less than a quarter spacing are one.
+fn layers(cloud: &PointCloud, axis: usize, last: bool, count: usize) -> Vec<bool> {
+    let sign = if last { -1.0 } else { 1.0 };
+    let mut order: Vec<usize> = (0..cloud.len()).collect();
+    order.sort_by(|&a, &b| (sign * cloud.position[a][axis]).total_cmp(&(sign * cloud.position[b][axis])));
+    let mut inside = vec![false; cloud.len()];
+    let (mut layer, mut level) = (0, f64::NAN);
+    for p in order {
+        let x = cloud.position[p][axis];
+        if level.is_nan() || (x - level).abs() > 0.25 * cloud.spacing[p] {
+            layer += 1;
+            level = x;
+        }
+        if layer > count {
+            break;
+        }
+        inside[p] = true;
+    }
+    inside
+}
+
+fn materials(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>, issues: &mut Vec<Issue>) -> Vec<u32> {
+    const NONE: u32 = u32::MAX;
+    let mut material = vec![NONE; cloud.len()];
+    for (m, (name, typed)) in deck.materials.iter().enumerate() {
+        let Some(points) = sets.get(&typed.points.value) else {
+            issues.push(Issue::new(typed.points.span, format!("there is no set `{}`", typed.points.value), "define it under `sets:`, or use a block"));
+            continue;
+        };
+        if let Some(&p) = points.iter().find(|&&p| material[p as usize] != NONE) {
+            let other = &deck.materials.0[material[p as usize] as usize].0.value;
+            issues.push(Issue::new(
+                typed.points.span,
+                format!("point {} belongs to the materials `{other}` and `{}`", cloud.id[p as usize], name.value),
+                "make the sets disjoint, for example with `all_of: [a, {not: b}]`",
+            ));
+        }
+        points.iter().for_each(|&p| material[p as usize] = m as u32);
+    }
+    if let Some(p) = material.iter().position(|&m| m == NONE) {
+        let count = material.iter().filter(|&&m| m == NONE).count();
+        if let Some((name, _)) = deck.materials.iter().next() {
+            issues.push(Issue::new(
+                name.span,
+                format!("{count} points have no material, the first is point {}", cloud.id[p]),
+                "assign one: `points: all`, or a set that holds them",
+            ));
+        }
+    }
+    material
+}
+
+/// Contradictions: one component of one point prescribed twice with different values, or velocities in statics.
+fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>, issues: &mut Vec<Issue>) {
+    let statics = !matches!(deck.solver, Solver::VelocityVerlet(_));
+    let end = match &deck.solver {
+        Solver::VelocityVerlet(v) => v.end.map_or(1.0, |e| e.value),
+        Solver::Statics(s) => s.end.value,
+        Solver::DynamicRelaxation(s) => s.end.value,
+    };
+    type Seen<'a> = BTreeMap<(u32, usize), (usize, &'a Condition)>;
+    let mut seen: Seen = BTreeMap::new();
+    for (n, c) in deck.conditions.iter().enumerate() {
+        if let Some(set) = c.set()
+            && !sets.contains_key(&set.value)
+        {
+            issues.push(Issue::new(set.span, format!("there is no set `{}`", set.value), "define it under `sets:`, or use a block"));
+            continue;
+        }
+        match c {
+            Condition::Velocity(v) if statics => issues.push(Issue::new(v.span, "a velocity cannot be prescribed in statics", "prescribe a displacement")),
+            Condition::InitialVelocity(v) if statics => issues.push(Issue::new(v.span, "statics have no initial velocity", "remove it, or use `velocity_verlet`")),
+            Condition::Symmetry(s) if s.normal.value.index() >= cloud.dimension => {
+                issues.push(Issue::new(s.span, "the symmetry plane is normal to a direction the body does not have", "choose another `normal`"));
+            }
+            Condition::RigidWall(w) if w.normal.len() != cloud.dimension => {
+                issues.push(Issue::new(w.span, format!("the wall is given in {} dimensions, the body has {}", w.normal.len(), cloud.dimension), "give as many components as the body has dimensions"));
+            }
+            _ => {}
+        }
+        if !matches!(c, Condition::Displacement(_) | Condition::Velocity(_)) {
+            continue;
+        }
+        let components = c.components();
+        let Some(points) = c.set().and_then(|s| sets.get(&s.value)) else { continue };
+        let mut told = false;
+        for &p in points {
+            for k in (0..cloud.dimension).filter(|&k| components[k].is_some()) {
+                match seen.get(&(p, k)) {
+                    None => {
+                        seen.insert((p, k), (n, c));
+                    }
+                    Some((_, other)) if !told => {
+                        let x = cloud.position[p as usize];
+                        let same = std::mem::discriminant(*other) == std::mem::discriminant(c)
+                            && [0.0, 0.37, 1.0].iter().all(|s| prescribed(other, k, x, s * end) == prescribed(c, k, x, s * end));
+                        if !same {
+                            told = true;
+                            let axis = ["x", "y", "z"][k];
+                            issues.push(Issue::new(
+                                components[k].unwrap_or(c.span()),
+                                format!("component {axis} of point {} is prescribed by `{}` and, differently, by `{}`", cloud.id[p as usize], other.label(), c.label()),
+                                "make the sets disjoint, or the values equal",
+                            ));
+                        }
+                    }
+                    Some(_) => {}
+                }
+            }
+        }
+    }
+}
+
+/// The value that a condition prescribes.
+fn prescribed(c: &Condition, k: usize, x: [f64; 3], t: f64) -> Option<f64> {
+    match c {
+        Condition::Displacement(d) => [&d.x, &d.y, &d.z][k].as_ref().map(|f| f.eval(x, t)),
+        Condition::Velocity(d) => [&d.x, &d.y, &d.z][k].as_ref().map(|f| f.eval(x, t)),
+        _ => None,
+    }
+}
+
+fn cracks(deck: &Deck, issues: &mut Vec<Issue>) -> Option<Cracks> {
+    if deck.body.cracks.is_empty() {
+        return None;
+    }
+    let a2 = |q: &[deck::Quantity<deck::Length>; 2]| q.each_ref().map(|q| q.value);
+    let a3 = |q: &[deck::Quantity<deck::Length>; 3]| q.each_ref().map(|q| q.value);
+    let list: Vec<(Crack, Span)> = deck
+        .body
+        .cracks
+        .iter()
+        .map(|c| match c {
+            deck::Crack::Segment(c) => (Crack::Segment { from: a2(&c.from), to: a2(&c.to) }, c.span),
+            deck::Crack::Rectangle(c) => (Crack::Parallelogram { corner: a3(&c.corner), edges: c.edges.each_ref().map(a3) }, c.span),
+            deck::Crack::Disc(c) => (Crack::Disc { centre: a3(&c.center), normal: c.normal.each_ref().map(|q| q.value), radius: c.radius.value }, c.span),
+            deck::Crack::Point(c) => (Crack::Point { at: c.at.value }, c.span),
+        })
+        .collect();
+    let cracks: Vec<Crack> = list.iter().map(|c| c.0).collect();
+    match Cracks::new(&cracks, deck.body.dimensions()) {
+        Ok(cracks) => Some(cracks),
+        Err(e) => {
+            issues.push(Issue::new(list[0].1, e.to_string(), "correct the crack"));
+            None
+        }
+    }
+}
+
+/// The axis letter of a component.
+pub fn axis_name(k: usize) -> &'static str {
+    [Axis::X, Axis::Y, Axis::Z][k].name()
+}
