@@ -959,7 +959,7 @@ mod tests {
                 count(&cut)
             );
             let mut looked = 0;
-            for i in (0..cloud.len()).step_by(7) {
+            for i in (0..cloud.len()).step_by(23) {
                 let near: Vec<usize> = (0..cloud.len())
                     .filter(|&j| squared_distance(&cloud.position[i], &cloud.position[j]) < 36.0)
                     .collect();
@@ -981,7 +981,7 @@ mod tests {
                     }
                 }
             }
-            assert!(looked > 5_000, "{looked}");
+            assert!(looked > 1_500, "{looked}");
         }
     }
 

@@ -368,6 +368,9 @@ fn rows(text: &str, faults: &mut Faults) -> Vec<Row> {
             })
             .collect();
     }
+    // With \r\n the reader would count a line end only when it comes to the next record.
+    let text = text.replace("\r\n", "\n");
+    let all: Vec<&str> = text.lines().collect();
     let mut reader = csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
@@ -383,7 +386,11 @@ fn rows(text: &str, faults: &mut Faults) -> Vec<Row> {
                 if first.starts_with('#') || (record.len() == 1 && first.is_empty()) {
                     continue;
                 }
-                let line = record.position().map_or(0, csv::Position::line);
+                // The reader takes its position before it skips blank lines and comments.
+                let mut line = record.position().map_or(1, csv::Position::line);
+                while all.get(line as usize - 1).is_some_and(|l| is_empty(l)) {
+                    line += 1;
+                }
                 rows.push(Row {
                     line,
                     fields: record.iter().map(str::to_owned).collect(),
@@ -486,6 +493,19 @@ mod tests {
         assert_eq!(text.lines().count(), expected.len(), "{text}");
         for (line, start) in text.lines().zip(expected) {
             assert!(line.starts_with(start), "{line}\n{start}");
+        }
+        // Comments, blank lines and either line ending count as lines.
+        for end in ["\n", "\r\n"] {
+            let text = told(
+                &[
+                    "# one", "x,volume", "# three", "", "0,q", "  # six", "", "1,r", "",
+                ]
+                .join(end),
+            );
+            assert!(
+                text.contains("line 5, column 2") && text.contains("line 8, column 2"),
+                "{text}"
+            );
         }
         let many = format!("x volume\n{}", "0 q\n".repeat(33));
         let text = told(&many);
