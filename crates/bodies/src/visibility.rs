@@ -2,16 +2,17 @@
 //!
 //! The body is known by its points alone. Each of them covers a ball around it, `reach` times its spacing in radius; **a bond is cut
 //! if, and only if, its segment has a part that no ball covers**. Segments and balls are compared exactly, not by samples. So, for
-//! a body whose points stand on a lattice of spacing h (also jittered by less than h/2; see below) and the default reach 0.98:
+//! a body whose points stand on a lattice of spacing h (also jittered by less than h/2; see below) and the default reach 0.999:
 //!
 //! * No bond is cut inside a full lattice, nor a bond to any of the 3^d − 1 next cells, whatever is missing around it.
-//! * No bond is cut along a straight or convex surface, for horizons up to 8 h in three dimensions and 40 h in two.
+//! * No bond is cut along a straight surface of any slope, for horizons up to 11 h in two dimensions and 6 h in three (found by
+//!   enumerating offsets and slopes). With longer horizons the longest bonds that graze a surface may be.
 //! * Every bond is cut that crosses a slit of one missing row or layer, and every bond that crosses an oblique slit from which the
-//!   points within 0.98 h of its middle plane are missing.
-//! * A bond across a hole, notch or re-entrant corner is cut if it passes farther than 0.98 h from all points.
-//! * Short ways past a surface stay: through an oblique slit narrower than that, or beside the middle of a hole of one cell.
+//!   points within h of its middle plane are missing.
+//! * A bond across a hole, notch or re-entrant corner is cut if, and only if, it passes farther than 0.999 h from all points.
+//! * So short ways past a surface stay: through an oblique slit narrower than that, or beside the middle of a hole of one cell.
 //!
-//! For other clouds spacings are the points' own and the default reach is 0.75 √d (at least 0.98), half as much again as the
+//! For other clouds spacings are the points' own and the default reach is 0.75 √d (at least 0.999), half as much again as the
 //! covering radius of a lattice: no bond is cut where every place of the body has a point within that many spacings.
 //!
 //! Jittered points count as standing at the centres of their cells, which [`PointCloud::lattice`] or [`Lattice::detect`] tells.
@@ -22,9 +23,10 @@ use crate::neighbors::{Continued, Neighbors, RUN};
 use crate::points::{Lattice, PointCloud};
 use rayon::prelude::*;
 
-/// Default reach on a lattice, in spacings: above √3/2, the covering radius of the cubic lattice and, with it, above what straight
-/// surfaces leave uncovered; below 1, half the width of a slit of one row.
-const LATTICE_REACH: f64 = 0.98;
+/// Default reach on a lattice, in spacings: below 1, half the way from row to row across a slit of one row; above √3/2, the covering
+/// radius of the cubic lattice; and above what bonds of usual length need along a straight surface, whose missing points leave
+/// 0.986 uncovered for |ξ| ≤ 10.05 h in two dimensions (offset (10, 1)) and about 0.98 for |ξ| < 6.4 h in three (offset (5, 3, 1)).
+const LATTICE_REACH: f64 = 0.999;
 
 /// Gaps smaller than this part of a bond are rounding.
 const GAP: f64 = 1e-9;
@@ -715,7 +717,7 @@ mod tests {
     #[test]
     fn nothing_is_cut_in_an_irregular_cloud() {
         for shape in shapes(14.0) {
-            // (½ + 0.2) √d < ¾ √d: covered for sure; 0.4 by the odds, as 12 places in 10⁴ would need all their points far off.
+            // Jittered by a fifth, no place is farther than (½ + 0.2) √d < ¾ √d from all points.
             let cloud = irregular(jittered(&shape, 1.0, 0.2, 3));
             assert!(Homes::new(&cloud).is_none());
             assert_eq!(hidden(&cloud, 3.015), 0, "{shape:?}");
@@ -742,7 +744,7 @@ mod tests {
     fn nothing_is_cut_along_straight_surfaces_of_any_slope() {
         for (dimension, ratio, size, trials) in [
             (2usize, 8.0, 40.0, 60u64),
-            (3, 3.015, 16.0, 40),
+            (3, 3.015, 16.0, 20),
             (3, 6.0, 16.0, 6),
         ] {
             let full = shapes(size)[dimension - 1]
@@ -874,12 +876,12 @@ mod tests {
                 assert_eq!(cut[b], above(i) != above(found.index[b] as usize));
             }
         }
-        // Oblique, on a lattice: points within 0.98 of the middle are missing.
+        // Oblique, on a lattice: points within one spacing of the middle are missing.
         for angle in [0.3, 0.6, std::f64::consts::FRAC_PI_4, 1.1] {
             let (s, c) = f64::sin_cos(angle);
             let off = |x: [f64; 3]| -s * (x[0] - 10.0) + c * (x[1] - 10.0);
             let mut cloud = shapes(20.0)[1].fill(&Filling::of_spacing(1.0)).unwrap();
-            cloud.remove(|x| off(x).abs() < 0.98);
+            cloud.remove(|x| off(x).abs() < 1.0);
             let found = families(&cloud, 4.0);
             let cut = across_voids(&cloud, &found, None).unwrap();
             for i in 0..cloud.len() {
@@ -894,14 +896,14 @@ mod tests {
 
     #[test]
     fn bonds_across_a_hole_are_cut_and_those_around_it_kept() {
-        for (irregularly, reach) in [(false, 0.98), (true, 1.5 / 2f64.sqrt())] {
+        for (irregularly, reach) in [(false, 0.999), (true, 1.5 / 2f64.sqrt())] {
             let mut plate = shapes(24.0)[1].fill(&Filling::of_spacing(1.0)).unwrap();
             let distance = |x: [f64; 3]| (x[0] - 12.0).hypot(x[1] - 12.0);
-            plate.remove(|x| distance(x) < 2.6);
+            plate.remove(|x| distance(x) < 3.6);
             if irregularly {
                 plate = irregular(plate);
             }
-            let found = families(&plate, 6.0);
+            let found = families(&plate, 8.0);
             let cut = across_voids(&plate, &found, None).unwrap();
             let mut numbers = [0; 3];
             for i in 0..plate.len() {
@@ -912,12 +914,12 @@ mod tests {
                         / squared_distance(&x, &y);
                     let nearest =
                         distance([0, 1, 2].map(|k| x[k] + t.clamp(0.0, 1.0) * (y[k] - x[k])));
-                    // Deep in the hole all points are at least 2.6 − r away; outside it none is farther than √½ from where
+                    // Deep in the hole all points are at least 3.6 − r away; outside it none is farther than √½ from where
                     // points can be, however the edge runs.
-                    if nearest < 2.6 - reach * 1.002 {
+                    if nearest < 3.6 - reach * 1.002 {
                         assert!(cut[b], "{x:?} {y:?}");
                         numbers[0] += 1;
-                    } else if nearest > 2.6 {
+                    } else if nearest > 3.6 {
                         assert!(!cut[b], "{x:?} {y:?}");
                         numbers[1] += 1;
                     } else {
@@ -925,7 +927,7 @@ mod tests {
                     }
                 }
             }
-            assert!(numbers[0] > 500 && numbers[1] > 10_000, "{numbers:?}");
+            assert!(numbers[0] > 150 && numbers[1] > 10_000, "{numbers:?}");
         }
     }
 
@@ -945,7 +947,7 @@ mod tests {
                 .copied()
                 .collect();
             cloud.keep(|x| thinned.contains(&x));
-            let reach = if lattice { 0.98 } else { 0.75 * 3f64.sqrt() };
+            let reach = if lattice { 0.999 } else { 0.75 * 3f64.sqrt() };
             if !lattice {
                 cloud = irregular(cloud);
             }
@@ -957,7 +959,7 @@ mod tests {
                 count(&cut)
             );
             let mut looked = 0;
-            for i in (0..cloud.len()).step_by(7) {
+            for i in (0..cloud.len()).step_by(23) {
                 let near: Vec<usize> = (0..cloud.len())
                     .filter(|&j| squared_distance(&cloud.position[i], &cloud.position[j]) < 36.0)
                     .collect();
@@ -979,7 +981,7 @@ mod tests {
                     }
                 }
             }
-            assert!(looked > 5_000, "{looked}");
+            assert!(looked > 1_500, "{looked}");
         }
     }
 
@@ -1109,8 +1111,6 @@ mod tests {
                 "{}",
                 count(&cut)
             );
-            #[cfg(any())]
-            println!("{seconds}");
         }
     }
 }
