@@ -1,1 +1,3 @@
 //! Peridyne.
+
+pub mod output;
