@@ -10,10 +10,17 @@
 //! |---|---|---|
 //! | [`vtkhdf`] | `fields.vtkhdf` | all fields of all output steps, for ParaView and h5py |
 //! | [`table`] | `final.csv`, `history.csv` | the last state, one row a point; measures over time |
+//! | [`picture`] | `*.png` | a field on the deformed points |
+//! | [`plot`] | `*.png`, `*.csv` | curves |
 //! | [`summary`] | `summary.json` | what was run, how it went, what it compares with |
 
+pub mod canvas;
+pub mod color;
+pub mod picture;
+pub mod plot;
 pub mod summary;
 pub mod table;
+pub mod ticks;
 pub mod vtkhdf;
 
 use std::fs::{self, File};
@@ -247,10 +254,10 @@ pub enum OutputError {
         reason: &'static str,
     },
     /// A picture or plot without anything to draw, or with impossible options.
-    #[error("cannot draw {path}: {reason}")]
+    #[error("cannot draw {what}: {reason}")]
     Drawing {
-        /// The file.
-        path: PathBuf,
+        /// Which picture or plot.
+        what: String,
         /// What is wrong, and what would be right.
         reason: String,
     },
