@@ -86,7 +86,7 @@ fn each_step_reads_back_exactly() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new/fields.vtkhdf");
     // More steps than a chunk of the per-step datasets holds.
-    let steps = 300;
+    let steps = 70;
     let file = write_series(&path, steps);
     assert_eq!(file.steps(), steps);
 
@@ -107,7 +107,7 @@ fn each_step_reads_back_exactly() {
     assert_eq!(all.len(), 3 * POINTS * steps);
     let tensor = read("PointData/stress");
     let counts = read("PointData/intact bonds").read_raw::<i64>().unwrap();
-    for step in [0, 1, 255, 256, steps - 1] {
+    for step in [0, 1, 63, 64, steps - 1] {
         let start = offsets[step] as usize;
         let u = &all[3 * start..3 * (start + POINTS)];
         assert_eq!(u, displacement(step).as_flattened(), "step {step}");

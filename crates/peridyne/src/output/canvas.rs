@@ -585,7 +585,7 @@ mod tests {
         let last = (0..400).rfind(|&x| inked(x)).unwrap() as f64;
         let width = text_width("HHHH", 40.0);
         // The letter has a margin of about a tenth of an em on each side.
-        assert!(first >= 50.0 && first < 56.0, "{first}");
+        assert!((50.0..56.0).contains(&first), "{first}");
         assert!(last < 50.0 + width && last > 50.0 + width - 7.0, "{last}");
         assert!((fitting_size("HHHH", 40.0, 0.5 * width) - 20.0).abs() < 1e-3);
     }

@@ -22,7 +22,7 @@ const VIRIDIS: [u32; 16] = [
     0x1f_98_8b, 0x22_a8_84, 0x35_b7_79, 0x54_c5_68, 0x7a_d1_51, 0xa5_db_36, 0xd2_e2_1b, 0xfd_e7_25,
 ];
 const DIVERGING: [u32; 5] = [0x2b_4c_a8, 0x7d_a4_dc, 0xe8_e6_e4, 0xe2_91_76, 0xac_1f_33];
-const EMBER: [u32; 5] = [0xec_ea_e6, 0xf6_c8_6e, 0xe8_7a_2c, 0xa8_26_2e, 0x38_0c_22];
+const EMBER: [u32; 5] = [0xe4_e2_de, 0xf6_c8_6e, 0xe8_7a_2c, 0xa8_26_2e, 0x38_0c_22];
 
 /// The colour of points without a value.
 pub const NO_VALUE: Rgb = [176, 176, 176];

@@ -195,7 +195,7 @@ pub enum OutputError {
         /// The file.
         path: PathBuf,
         /// The reason.
-        source: rust_hdf5::Hdf5Error,
+        source: Box<rust_hdf5::Hdf5Error>,
     },
     /// The PNG encoder refused.
     #[error("cannot encode the picture {path}: {source}")]

@@ -250,7 +250,11 @@ impl Plot {
         frame.draw_grid(&mut canvas);
 
         for reference in &self.references {
-            draw_reference(&mut canvas, &frame, reference);
+            if let Some(placed) = place_reference(&frame, reference) {
+                canvas.polyline(&placed.ends, 2.0, SOFT_INK, Some(DASH));
+                let Placed { place, label, .. } = placed;
+                canvas.text(place, label, TICK_SIZE, SOFT_INK, placed.align);
+            }
         }
         let mut colors = CURVES.iter().cycle();
         let styles: Vec<(Rgb, Shape)> = self
@@ -411,9 +415,17 @@ impl Plot {
                     .count();
             }
         }
-        points + between
+        let names = self.references.iter().filter_map(|reference| {
+            let [l, t, r, b] = place_reference(frame, reference)?.label_box();
+            let apart = r < left || l > left + width || b < top || t > top + height;
+            (!apart).then_some(HIDDEN_NAME)
+        });
+        points + between + names.sum::<usize>()
     }
 }
+
+/// The name of a reference line weighs as much as this many points of a curve.
+const HIDDEN_NAME: usize = 100;
 
 const SHAPES: [Shape; 4] = [
     Shape::Circle,
@@ -495,7 +507,7 @@ impl Frame {
     }
 
     fn x_ticks(&self) -> Ticks {
-        let room = ((self.right - self.left) / 150.0).clamp(2.0, 10.0) as usize;
+        let room = ((self.right - self.left) / 140.0).clamp(2.0, 10.0) as usize;
         marks(self.x, self.x_scale, room)
     }
 
@@ -566,8 +578,8 @@ impl Frame {
     }
 }
 
-/// The common factor of the labels joins the heading, where it cannot be overlooked:
-/// `displacement  [×10⁻³ m]` for `displacement (m)`.
+/// The common factor of the labels joins the unit in the heading, where it cannot be overlooked:
+/// `displacement (10⁻³ m)` for `displacement (m)`.
 pub(crate) fn with_factor(heading: &str, factor: Option<&str>) -> String {
     match (factor, heading.strip_suffix(')')) {
         (None, _) => heading.to_string(),
@@ -575,7 +587,7 @@ pub(crate) fn with_factor(heading: &str, factor: Option<&str>) -> String {
             let (name, unit) = body.rsplit_once('(').unwrap_or((body, ""));
             format!("{name}({factor} {unit})")
         }
-        (Some(factor), _) => format!("{heading} ({factor})"),
+        (Some(factor), _) => format!("{heading} (×{factor})"),
     }
 }
 
@@ -586,37 +598,61 @@ fn marks(range: (f64, f64), scale: Scale, room: usize) -> Ticks {
     }
 }
 
-fn draw_reference(canvas: &mut Canvas, frame: &Frame, reference: &ReferenceLine) {
+/// A reference line on the canvas: its ends, and where its name stands.
+struct Placed<'a> {
+    ends: [[f64; 2]; 2],
+    label: &'a str,
+    place: [f64; 2],
+    align: Align,
+}
+
+impl Placed<'_> {
+    /// Left, top, right, bottom of the name.
+    fn label_box(&self) -> [f64; 4] {
+        let width = text_width(self.label, TICK_SIZE);
+        let left = match self.align {
+            Align::Left => self.place[0],
+            Align::Center => self.place[0] - 0.5 * width,
+            Align::Right => self.place[0] - width,
+        };
+        let half = 0.5 * TICK_SIZE;
+        [
+            left,
+            self.place[1] - half,
+            left + width,
+            self.place[1] + half,
+        ]
+    }
+}
+
+/// Where a reference line is drawn; `None` outside of the frame.
+fn place_reference<'a>(frame: &Frame, reference: &'a ReferenceLine) -> Option<Placed<'a>> {
     match reference {
         ReferenceLine::Horizontal { y, label } => {
             let y = frame.place([frame.x.0, *y])[1];
-            if y >= frame.top && y <= frame.bottom {
-                let ends = [[frame.left, y], [frame.right, y]];
-                canvas.polyline(&ends, 2.0, SOFT_INK, Some(DASH));
-                // Above the line, unless the frame ends there.
-                let above = if y - 20.0 > frame.top + 12.0 {
-                    -18.0
-                } else {
-                    18.0
-                };
-                let place = [frame.right - 12.0, y + above];
-                canvas.text(place, label, TICK_SIZE, SOFT_INK, Align::Right);
-            }
+            // Above the line, unless the frame ends there.
+            let above = if y - 32.0 > frame.top { -18.0 } else { 18.0 };
+            (y >= frame.top && y <= frame.bottom).then(|| Placed {
+                ends: [[frame.left, y], [frame.right, y]],
+                label,
+                place: [frame.right - 12.0, y + above],
+                align: Align::Right,
+            })
         }
         ReferenceLine::Vertical { x, label } => {
             let x = frame.place([*x, frame.y.0])[0];
-            if x >= frame.left && x <= frame.right {
-                let ends = [[x, frame.bottom], [x, frame.top]];
-                canvas.polyline(&ends, 2.0, SOFT_INK, Some(DASH));
-                let width = text_width(label, TICK_SIZE);
-                let (shift, align) = if x + width + 24.0 < frame.right {
-                    (12.0, Align::Left)
-                } else {
-                    (-12.0, Align::Right)
-                };
-                let place = [x + shift, frame.bottom - 24.0];
-                canvas.text(place, label, TICK_SIZE, SOFT_INK, align);
-            }
+            let width = text_width(label, TICK_SIZE);
+            let (shift, align) = if x + width + 24.0 < frame.right {
+                (12.0, Align::Left)
+            } else {
+                (-12.0, Align::Right)
+            };
+            (x >= frame.left && x <= frame.right).then(|| Placed {
+                ends: [[x, frame.bottom], [x, frame.top]],
+                label,
+                place: [x + shift, frame.bottom - 24.0],
+                align,
+            })
         }
     }
 }

@@ -7,7 +7,7 @@ pub struct Ticks {
     pub values: Vec<f64>,
     /// Text of each position.
     pub labels: Vec<String>,
-    /// Common factor of all labels, such as `×10⁻³`.
+    /// Common factor of all labels, such as `10⁻³`.
     pub factor: Option<String>,
     /// Positions of small marks without text.
     pub minor: Vec<f64>,
@@ -28,9 +28,9 @@ pub fn superscript(number: i32) -> String {
         .collect()
 }
 
-/// `×10ᵏ`.
+/// `10ᵏ`.
 fn power(exponent: i32) -> String {
-    format!("×10{}", superscript(exponent))
+    format!("10{}", superscript(exponent))
 }
 
 /// Ten to a whole power, exact where a double can be.
@@ -64,7 +64,7 @@ pub fn number(value: f64, digits: usize) -> String {
         without_trailing_zeros(&format!("{number:.decimals$}")).to_string()
     } else {
         let mantissa = without_trailing_zeros(mantissa);
-        format!("{mantissa}{}", power(exponent))
+        format!("{mantissa}×{}", power(exponent))
     };
     text.replace('-', "−")
 }
@@ -126,7 +126,7 @@ pub fn linear(min: f64, max: f64, count: usize) -> Ticks {
     let largest = values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let top = leading(largest.max(unit));
     // Engineering notation: powers of a thousand.
-    let common = if (-3..=4).contains(&top) {
+    let common = if (-2..=4).contains(&top) {
         0
     } else {
         3 * top.div_euclid(3)
@@ -167,7 +167,7 @@ pub fn logarithmic(min: f64, max: f64, count: usize) -> Ticks {
         let stride = decades.len().div_ceil(count.max(1)) as i32;
         for &exponent in &decades {
             if exponent.rem_euclid(stride) == 0 {
-                marks.push((ten(exponent), power(exponent)[2..].to_string()));
+                marks.push((ten(exponent), power(exponent)));
             } else {
                 minor.push(ten(exponent));
             }
@@ -212,10 +212,10 @@ mod tests {
             small.labels,
             ["−30", "−20", "−10", "0", "10", "20", "30", "40"]
         );
-        assert_eq!(small.factor.as_deref(), Some("×10⁻⁶"));
+        assert_eq!(small.factor.as_deref(), Some("10⁻⁶"));
         let large = linear(0.0, 2.1e11, 4);
         assert_eq!(large.labels, ["0", "50", "100", "150", "200"]);
-        assert_eq!(large.factor.as_deref(), Some("×10⁹"));
+        assert_eq!(large.factor.as_deref(), Some("10⁹"));
         let offset = linear(1.000_001, 1.000_003, 4);
         assert_eq!(offset.labels[0], "1.0000010");
         assert_eq!(offset.labels[4], "1.0000030");

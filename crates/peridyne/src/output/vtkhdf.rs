@@ -8,7 +8,8 @@
 //!
 //! HDF5 describes a growing dataset only when the file is closed. So each step opens the file,
 //! appends, and closes it again; between two steps the file is complete, whatever happens to
-//! the program.
+//! the program. A reader that opens the file in the very milliseconds of an append may be
+//! refused, and succeeds when it tries again.
 
 use std::path::{Path, PathBuf};
 
@@ -22,7 +23,7 @@ use super::{Field, FieldValues, OutputError, Snapshot, temporary_beside};
 /// `VTK_VERTEX`, the cell of a single point.
 const VERTEX: u8 = 1;
 /// Entries a chunk of the small datasets that gain one entry a step.
-const STEPS_PER_CHUNK: usize = 256;
+const STEPS_PER_CHUNK: usize = 64;
 /// A step is one chunk, so that reading it touches nothing else and appending it rewrites
 /// nothing; only beyond this many bytes is it divided (HDF5 allows 4 GiB a chunk).
 const LARGEST_CHUNK: usize = 1 << 30;
@@ -126,7 +127,7 @@ impl FieldFile {
         move |source| OutputError::Hdf5 {
             action: action.to_string(),
             path: self.path.clone(),
-            source,
+            source: Box::new(source),
         }
     }
 
