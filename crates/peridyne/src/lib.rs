@@ -4,5 +4,6 @@
 //! [`run`] (solvers and observers) → [`output`] (fields, tables, pictures) and [`verify`].
 #![forbid(unsafe_code)]
 
+pub mod deck;
 pub mod output;
 pub mod point_file;
