@@ -374,15 +374,6 @@ impl<const D: usize> Structure<D> {
         self.held.iter().step_by(D).filter(|h| **h).count()
     }
 
-    fn add_wall_stiffness(&self, t: f64, u: &[f64], x: &[f64], y: &mut [f64]) {
-        each_contact::<D>(&self.conditions, self.body.position(), u, t, |_, p, wall, stiffness, _| {
-            let along: f64 = (0..D).map(|k| wall.normal[k] * x[p * D + k]).sum();
-            for k in 0..D {
-                y[p * D + k] += stiffness * along * wall.normal[k];
-            }
-        });
-    }
-
     fn fill_prescribed(&self, t: f64, out: &mut [f64], rate: bool) {
         // difference step: the cube root of the round-off, relative to the run
         let h = self.time_scale * 6e-6;
@@ -402,6 +393,14 @@ impl<const D: usize> Structure<D> {
                 (_, false) => {}
             }
         }
+    }
+}
+
+/// κ n ⊗ n of a point against a wall, times x.
+fn add_along<const D: usize>(wall: &crate::loads::Wall, stiffness: f64, p: usize, x: &[f64], y: &mut [f64]) {
+    let along: f64 = (0..D).map(|k| wall.normal[k] * x[p * D + k]).sum();
+    for k in 0..D {
+        y[p * D + k] += stiffness * along * wall.normal[k];
     }
 }
 
@@ -438,7 +437,14 @@ impl<const D: usize> Dynamics for Structure<D> {
         self.at_time(t);
         self.body.tangent_product(u, None, x, y);
         self.evaluations.1 += 1;
-        self.add_wall_stiffness(t, u, x, y);
+        // for stable steps: a point may come into contact later, so every wall counts everywhere
+        for c in &self.conditions {
+            if let Kind::RigidWall(wall) = &c.kind {
+                for (q, &p) in c.points.iter().enumerate() {
+                    add_along::<D>(wall, wall.stiffness[q], p as usize, x, y);
+                }
+            }
+        }
         Ok(())
     }
 }
@@ -478,7 +484,11 @@ impl<const D: usize> Statics for Structure<D> {
         Some(self.body.energy(u) + wall - load)
     }
     fn tangent_product(&mut self, t: f64, u: &[f64], x: &[f64], y: &mut [f64]) -> Result<(), Stop> {
-        Dynamics::tangent_product(self, t, u, x, y)
+        self.at_time(t);
+        self.body.tangent_product(u, None, x, y);
+        self.evaluations.1 += 1;
+        each_contact::<D>(&self.conditions, self.body.position(), u, t, |_, p, wall, stiffness, _| add_along::<D>(wall, stiffness, p, x, y));
+        Ok(())
     }
     fn pattern(&mut self) -> Option<Arc<BlockPattern>> {
         if self.pattern.is_none() {
@@ -564,5 +574,72 @@ impl<const D: usize> Statics for Structure<D> {
             self.body.restore_damage(&self.saved);
             self.hold_fragments();
         }
+    }
+}
+
+/// What a run needs of a structure, whatever its dimension.
+pub trait Simulated: Dynamics + Statics + Send {
+    /// The structure as a moving system.
+    fn as_dynamics(&mut self) -> &mut dyn Dynamics;
+    /// The structure as a system at rest.
+    fn as_statics(&mut self) -> &mut dyn Statics;
+    /// Statics or dynamics: see [`Structure::set_statics`].
+    fn set_statics(&mut self, statics: bool);
+    /// A field: see [`Structure::field`].
+    fn field(&mut self, name: crate::measures::FieldName, t: f64, u: &[f64], v: &[f64]) -> Vec<f64>;
+    /// Energies and momenta.
+    fn balance(&mut self, t: f64, u: &[f64], v: &[f64]) -> Balance;
+    /// Names of the conditions, in order.
+    fn condition_names(&self) -> Vec<String>;
+    /// What a condition exerts on the body.
+    fn resultant(&mut self, condition: usize, t: f64, u: &[f64], v: Option<&[f64]>) -> [f64; 3];
+    /// Largest damage, and bonds broken and points released during the run.
+    fn damage(&self) -> (f64, Broken);
+    /// Evaluations of all bonds so far: forces, tangent products.
+    fn evaluations(&self) -> (u64, u64);
+    /// Directed bonds, chunks, and bytes of bonds, points, and shapes.
+    fn sizes(&self) -> (usize, usize, (usize, usize, usize));
+    /// The user's id and position of the point of a dof.
+    fn describe_dof(&self, dof: usize) -> (u64, [f64; 3]);
+    /// Points of floating fragments that are held (statics).
+    fn held_points(&self) -> usize;
+}
+
+impl<const D: usize> Simulated for Structure<D> {
+    fn as_dynamics(&mut self) -> &mut dyn Dynamics {
+        self
+    }
+    fn as_statics(&mut self) -> &mut dyn Statics {
+        self
+    }
+    fn set_statics(&mut self, statics: bool) {
+        Structure::set_statics(self, statics);
+    }
+    fn field(&mut self, name: crate::measures::FieldName, t: f64, u: &[f64], v: &[f64]) -> Vec<f64> {
+        Structure::field(self, name, t, u, v)
+    }
+    fn balance(&mut self, t: f64, u: &[f64], v: &[f64]) -> Balance {
+        Structure::balance(self, t, u, v)
+    }
+    fn condition_names(&self) -> Vec<String> {
+        self.conditions.iter().map(|c| c.name.clone()).collect()
+    }
+    fn resultant(&mut self, condition: usize, t: f64, u: &[f64], v: Option<&[f64]>) -> [f64; 3] {
+        Structure::resultant(self, condition, t, u, v)
+    }
+    fn damage(&self) -> (f64, Broken) {
+        (self.body.damage().iter().fold(0.0, |m, d| m.max(*d)), self.broken)
+    }
+    fn evaluations(&self) -> (u64, u64) {
+        self.evaluations
+    }
+    fn sizes(&self) -> (usize, usize, (usize, usize, usize)) {
+        (self.body.bonds(), self.body.chunk_count(), self.body.bytes())
+    }
+    fn describe_dof(&self, dof: usize) -> (u64, [f64; 3]) {
+        (self.id[dof / D], self.body.position()[dof / D])
+    }
+    fn held_points(&self) -> usize {
+        Structure::held_points(self)
     }
 }

@@ -7,3 +7,5 @@
 pub mod deck;
 pub mod output;
 pub mod point_file;
+pub mod problem;
+pub mod registry;

@@ -161,6 +161,20 @@ pub fn read(
     parse(&bytes, file, dimension, section)
 }
 
+/// Reads point ids from a file: one a line; empty lines and lines that begin with `#` are skipped.
+///
+/// # Errors
+/// A sentence with file, line and value.
+pub fn read_ids(file: &Path) -> Result<Vec<u64>, String> {
+    let text = std::fs::read_to_string(file).map_err(|e| format!("{}: cannot be read: {e}", file.display()))?;
+    let mut ids = vec![];
+    for (k, line) in text.lines().enumerate().map(|(k, l)| (k, l.trim())).filter(|(_, l)| !l.is_empty() && !l.starts_with('#')) {
+        let id = line.parse().map_err(|_| format!("{}, line {}: '{line}' is no point id", file.display(), k + 1))?;
+        ids.push(id);
+    }
+    Ok(ids)
+}
+
 /// As [`read`], from the contents of a file; `file` is for messages.
 ///
 /// # Errors

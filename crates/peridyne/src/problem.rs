@@ -171,8 +171,14 @@ fn points(deck: &Deck, section: Section) -> Checked<PointCloud> {
     let mut whole: Option<PointCloud> = None;
     for source in &deck.body.points {
         let made = match source {
-            Points::File(file) => crate::point_file::read(&deck.resolve(&file.path.value), section, file.spacing.map(|s| s.value))
-                .map_err(|e| e.issues(file.path.span, &file.path.value)),
+            Points::File(file) => crate::point_file::read(&deck.resolve(&file.path.value), Some(section.dimension()), section.measure())
+                .map(|mut cloud| {
+                    if let Some(spacing) = file.spacing {
+                        cloud.spacing.fill(spacing.value);
+                    }
+                    cloud
+                })
+                .map_err(|e| e.to_string().lines().map(|line| Issue::new(file.path.span, line, "correct the file")).collect()),
             _ => generated(source, section).map_err(|e| vec![e]),
         };
         match made {

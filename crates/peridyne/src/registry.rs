@@ -16,6 +16,7 @@ use physics::influence::{Influence, One, Radial, Stored};
 use physics::material::Material;
 use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
 use physics::stretch_law::{Bilinear, Elastic, ElasticPlastic, StretchLaw, Tabulated, TensionOnly};
+use physics::tensor::Vector;
 use physics::zero_energy::{self, NoControl, Wan2019};
 
 /// A constant that was derived from the deck: name, value, unit (of the deck's system).
@@ -60,7 +61,7 @@ fn build<const D: usize>(problem: &Problem) -> Checked<Assembly> {
             out.push(Link { point: found.index[b], flips: found.flips_of(b), end, weight: 1.0 });
         }
         if weighted {
-            weights.fill(problem, materials[problem.material[p] as usize], p, out);
+            weights.fill::<D>(problem, materials[problem.material[p] as usize], p, out);
         }
     });
     let mut parts: Vec<Box<dyn Part<D>>> = vec![];
@@ -425,7 +426,7 @@ impl Weights {
         Weights { linear: matches!(problem.deck.body.partial_volumes, deck::PartialVolumes::Linear) }
     }
 
-    fn fill(&self, problem: &Problem, m: &deck::Material, p: usize, links: &mut [Link]) {
+    fn fill<const D: usize>(&self, problem: &Problem, m: &deck::Material, p: usize, links: &mut [Link]) {
         let (influence, corrected) = influence_of(m);
         let (x, delta) = (problem.cloud.position[p], problem.horizon[p]);
         for link in links.iter_mut() {
@@ -445,12 +446,12 @@ impl Weights {
             }
         }
         if corrected {
-            let bonds: Vec<([f64; 3], f64)> = links
+            let bonds: Vec<(Vector<f64, D>, f64)> = links
                 .iter()
-                .map(|l| (std::array::from_fn(|k| l.end[k] - x[k]), l.weight * problem.cloud.volume[l.point as usize]))
+                .map(|l| (Vector(std::array::from_fn(|k| l.end[k] - x[k])), l.weight * problem.cloud.volume[l.point as usize]))
                 .collect();
             let power = if matches!(m.model, Model::BondBased(_)) { 1 } else { 2 };
-            if let Some(factors) = physics::isotropy::fourth_moment_weights(&bonds, problem.section.dimension(), power) {
+            if let Some(factors) = physics::isotropy::fourth_moment_factors(&bonds, power) {
                 links.iter_mut().zip(factors).for_each(|(l, s)| l.weight *= s);
             }
         }
