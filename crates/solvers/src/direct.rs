@@ -43,11 +43,13 @@ pub enum DirectError {
     },
     /// The solution is not accurate, after refinement.
     #[error(
-        "the linear solution has relative residual {residual:.1e}: the stiffness is numerically singular"
+        "the linear solution has relative residual {residual:.1e}: the stiffness is numerically singular, most of all at dof {dof}"
     )]
     Inaccurate {
         /// Relative residual reached.
         residual: f64,
+        /// Dof whose pivot lost most digits.
+        dof: usize,
     },
     /// [`SparseCholesky::solve`] before a successful [`SparseCholesky::factor`].
     #[error("there is no numeric factor: `factor` must succeed before `solve`")]
@@ -72,6 +74,8 @@ pub struct DirectReport {
 
 /// Relative residual beyond which a solution is not returned.
 const INACCURATE: f64 = 1e-6;
+/// A pivot that elimination has reduced to less than this part of its diagonal entry is all round-off: the matrix is singular.
+const SINGULAR: f64 = 8.0 * f64::EPSILON;
 
 /// Factor `P A Pᵀ = L Lᵀ` of the free part of a [`BlockMatrix`].
 pub struct SparseCholesky {
@@ -89,6 +93,8 @@ pub struct SparseCholesky {
     symbolic: Option<supernodal::SymbolicSupernodalCholesky<usize>>,
     factor: Vec<f64>,
     factored: bool,
+    /// Row whose pivot is smallest relative to its diagonal entry.
+    weakest: usize,
     memory: Option<MemBuffer>,
     right: Vec<f64>,
     solution: Vec<f64>,
@@ -170,6 +176,7 @@ impl SparseCholesky {
             symbolic: None,
             factor: Vec::new(),
             factored: false,
+            weakest: 0,
             memory: None,
             right: vec![0.0; dofs],
             solution: vec![0.0; dofs],
@@ -308,8 +315,36 @@ impl SparseCholesky {
                 dof: self.dof[index.min(n - 1)] as usize,
             }
         })?;
+        let (weakest, ratio) = self.weakest_pivot();
+        if ratio < SINGULAR || ratio.is_nan() {
+            return Err(DirectError::NotPositiveDefinite {
+                dof: self.dof[weakest] as usize,
+            });
+        }
+        self.weakest = weakest;
         self.factored = true;
         Ok(())
+    }
+
+    /// The row whose pivot is smallest relative to its diagonal entry before elimination, and that ratio.
+    fn weakest_pivot(&self) -> (usize, f64) {
+        let symbolic = self.symbolic();
+        let mut weakest = (0, f64::INFINITY);
+        for s in 0..symbolic.n_supernodes() {
+            let (first, last) = (symbolic.supernode_begin()[s], symbolic.supernode_end()[s]);
+            let rows = last - first + symbolic.supernode(s).pattern().len();
+            for k in first..last {
+                let root = self.factor[symbolic.col_ptr_for_val()[s] + (k - first) * (rows + 1)];
+                let ratio = root * root / self.values[self.starts[k]];
+                if ratio < weakest.1 || ratio.is_nan() {
+                    weakest = (k, ratio);
+                }
+                if ratio.is_nan() {
+                    return weakest;
+                }
+            }
+        }
+        weakest
     }
 
     /// Solves `A x = b` for the free dofs with the matrix last factored, with one step of iterative refinement where it helps. Fixed
@@ -346,7 +381,10 @@ impl SparseCholesky {
             }
         }
         if reached > INACCURATE || reached.is_nan() {
-            return Err(DirectError::Inaccurate { residual: reached });
+            return Err(DirectError::Inaccurate {
+                residual: reached,
+                dof: self.dof[self.weakest] as usize,
+            });
         }
         for (&dof, &value) in self.dof.iter().zip(&self.solution) {
             x[dof as usize] = value;

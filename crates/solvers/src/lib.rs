@@ -4,10 +4,12 @@
 #![forbid(unsafe_code)]
 
 pub mod direct;
+pub mod dynamic_relaxation;
 pub mod eigen;
 pub mod krylov;
 pub mod load_steps;
 pub mod newton;
+pub mod nonlinear_cg;
 pub mod observe;
 pub mod ordering;
 pub mod problem;

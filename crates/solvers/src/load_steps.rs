@@ -102,7 +102,9 @@ impl EquilibriumError {
     pub fn worst_dof(&self) -> Option<usize> {
         match self {
             Self::NotConverged { worst_dof, .. } => Some(*worst_dof),
-            Self::Direct(DirectError::NotPositiveDefinite { dof }) => Some(*dof),
+            Self::Direct(
+                DirectError::NotPositiveDefinite { dof } | DirectError::Inaccurate { dof, .. },
+            ) => Some(*dof),
             _ => None,
         }
     }
@@ -138,24 +140,16 @@ pub(crate) fn residual(
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Scale {
     first: f64,
-    known: f64,
 }
 
 impl Scale {
-    /// Notes a residual and asks the body again; returns the residual relative to the scale.
+    /// The residual norm of the state last evaluated, relative to the force scale there.
     pub(crate) fn relative(&mut self, problem: &dyn Statics, norm: f64) -> f64 {
         if self.first == 0.0 && norm.is_finite() {
             self.first = norm;
         }
         let scale = problem.force_scale();
-        if scale.is_finite() {
-            self.known = self.known.max(scale);
-        }
-        let scale = if self.known > 0.0 {
-            self.known
-        } else {
-            self.first
-        };
+        let scale = if scale > 0.0 { scale } else { self.first };
         if norm == 0.0 { 0.0 } else { norm / scale }
     }
 }

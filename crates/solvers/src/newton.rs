@@ -7,8 +7,8 @@
 //! **Tangents that are not positive definite** (softening, buckling, snap-through). The direct solver factors `K + λ diag(d)`,
 //! `d` the absolute values of the diagonal (not less than a thousandth of their mean), with the smallest `λ` of 10⁻³, 10⁻², … that makes
 //! it positive definite (Levenberg and Marquardt), starting from a tenth of the last `λ` that was needed. Conjugate gradients stop
-//! at negative curvature and use the direction reached (Steihaug 1983, Dembo and Steihaug 1983). Both give directions of
-//! descent; near a stable equilibrium neither acts, and convergence is quadratic.
+//! at negative curvature and use the direction reached (Steihaug 1983, Dembo and Steihaug 1983). A direction of GMRES that leads
+//! uphill is turned around. All give directions of descent; near a stable equilibrium none of this acts, and convergence is quadratic.
 //!
 //! **Line search** along `p`, with `s(a) = f(u + a p)·p = −dΠ/da`: the full step is taken where it meets the tolerance, or
 //! `|s(1)| ≤ 0.8 s(0)` and the residual falls. Otherwise a step is taken where the energy falls enough (Armijo, 10⁻⁴) as far as
@@ -414,7 +414,13 @@ impl Equilibrium for Newton {
             };
             self.linear
                 .solve(problem, t, u, &self.f, &mut self.direction, options, false)?;
-            let slope = vector::dot(&self.f, &self.direction);
+            let mut slope = vector::dot(&self.f, &self.direction);
+            if slope < 0.0 {
+                // GMRES solves an indefinite system as it is; turned around, its direction leads downhill.
+                self.direction.iter_mut().for_each(|x| *x = -*x);
+                self.linear.modified += 1;
+                slope = -slope;
+            }
             if slope <= 0.0 || slope.is_nan() {
                 if relative <= ROUND_OFF_RESIDUAL {
                     return done(true, history, &self.linear);

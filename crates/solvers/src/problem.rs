@@ -136,9 +136,10 @@ pub trait Statics {
     /// [`Stop`] where the state cannot be evaluated.
     fn block_diagonal(&mut self, t: f64, u: &[f64], blocks: &mut [f64]) -> Result<(), Stop>;
 
-    /// The forces that the residual is small *relative to*: Euclidean norm over dofs of a typical balanced force `[force]`, such as
-    /// the larger of the norms of reactions and of external forces at the last [`force`](Self::force) call, and not less than its
-    /// earlier values where the load passes through zero. 0 where nothing is known (the solver then takes its first residual).
+    /// The force that the residual is small *relative to* `[force]`: the largest of the Euclidean norms over dofs of the reactions and
+    /// of the external forces, at the last [`force`](Self::force) call and at the states accepted so far. Not at all states ever
+    /// tried: a trial far off has huge reactions, against which any residual is small. 0 where nothing is known (the solver then
+    /// takes its first residual).
     fn force_scale(&self) -> f64;
 
     /// Breaks the bonds that fail at the equilibrium `(t, u)` and returns how many broke now (0: none). Which bonds to break together

@@ -32,6 +32,7 @@ pub struct Truss<const D: usize> {
     pub has_energy: bool,
     pub pattern: Option<Arc<BlockPattern>>,
     pub scale: f64,
+    pub accepted_scale: f64,
     pub saved: Vec<bool>,
     pub evaluations: usize,
     pub factored: usize,
@@ -59,6 +60,7 @@ impl<const D: usize> Truss<D> {
             has_energy: true,
             pattern: None,
             scale: 0.0,
+            accepted_scale: 0.0,
             saved: Vec::new(),
             evaluations: 0,
             factored: 0,
@@ -177,7 +179,7 @@ impl<const D: usize> Statics for Truss<D> {
             .sum::<f64>()
             .sqrt();
         let loads = t.abs() * self.load.iter().map(|x| x * x).sum::<f64>().sqrt();
-        self.scale = self.scale.max(reactions).max(loads);
+        self.scale = reactions.max(loads);
         for (f, load) in f.iter_mut().zip(&self.load) {
             *f += t * load;
         }
@@ -251,12 +253,13 @@ impl<const D: usize> Statics for Truss<D> {
         Ok(())
     }
     fn force_scale(&self) -> f64 {
-        self.scale
+        self.scale.max(self.accepted_scale)
     }
     fn break_bonds(&mut self, _: f64, u: &[f64]) -> Result<usize, Stop> {
         Ok(self.break_those_beyond(u))
     }
     fn accept(&mut self, _: f64, _: &[f64]) -> Result<(), Stop> {
+        self.accepted_scale = self.accepted_scale.max(self.scale);
         Ok(())
     }
     fn checkpoint(&mut self) {
