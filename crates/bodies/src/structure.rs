@@ -579,10 +579,6 @@ impl<const D: usize> Statics for Structure<D> {
 
 /// What a run needs of a structure, whatever its dimension.
 pub trait Simulated: Dynamics + Statics + Send {
-    /// The structure as a moving system.
-    fn as_dynamics(&mut self) -> &mut dyn Dynamics;
-    /// The structure as a system at rest.
-    fn as_statics(&mut self) -> &mut dyn Statics;
     /// Statics or dynamics: see [`Structure::set_statics`].
     fn set_statics(&mut self, statics: bool);
     /// A field: see [`Structure::field`].
@@ -606,12 +602,6 @@ pub trait Simulated: Dynamics + Statics + Send {
 }
 
 impl<const D: usize> Simulated for Structure<D> {
-    fn as_dynamics(&mut self) -> &mut dyn Dynamics {
-        self
-    }
-    fn as_statics(&mut self) -> &mut dyn Statics {
-        self
-    }
     fn set_statics(&mut self, statics: bool) {
         Structure::set_statics(self, statics);
     }

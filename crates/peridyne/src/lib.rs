@@ -4,8 +4,11 @@
 //! [`run`] (solvers and observers) → [`output`] (fields, tables, pictures) and [`verify`].
 #![forbid(unsafe_code)]
 
+pub mod cli;
 pub mod deck;
 pub mod output;
 pub mod point_file;
 pub mod problem;
 pub mod registry;
+pub mod run;
+pub mod verify;

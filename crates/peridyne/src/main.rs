@@ -1,2 +1,7 @@
-//! The command line.
-fn main() {}
+//! The program `peridyne`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    peridyne::cli::main()
+}

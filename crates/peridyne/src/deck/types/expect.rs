@@ -20,6 +20,8 @@ section! {
         over: Option<Text>,
         /// How `field` is reduced over the set.
         reduce: Option<Reduction>,
+        /// Bound that `count`, `extent_…` and `line_angle` compare with.
+        above: Option<Quantity<Any>>,
         /// Deviation of a field from an expression.
         error: Option<FieldError>,
         /// Arithmetic over scalar quantities, such as `energy.strain / 0.5`.
@@ -64,6 +66,18 @@ choice! {
         Rms = "rms",
         /// Largest absolute value.
         MaxAbs = "max_abs",
+        /// Volume integral.
+        Integral = "integral",
+        /// Number of points above `above`.
+        Count = "count",
+        /// Largest reference x of the points above `above`: how far a crack has come.
+        ExtentX = "extent_x",
+        /// Largest reference y of the points above `above`.
+        ExtentY = "extent_y",
+        /// Largest reference z of the points above `above`.
+        ExtentZ = "extent_z",
+        /// Angle in degrees, against the x axis, of the straight line through the points above `above`.
+        LineAngle = "line_angle",
     }
 }
 

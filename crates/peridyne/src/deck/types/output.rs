@@ -1,4 +1,5 @@
 //! `output`: what is written.
+use super::expect::Reduction;
 use crate::deck::decode::{Auto, Context, Decode, Text, choice, section};
 use crate::deck::quantity::{Angle, Any, Count, Number, Quantity, SpaceField, Time};
 use crate::deck::report::suggest;
@@ -21,6 +22,8 @@ section! {
         history: Count = "1000",
         /// Time between rows of the history.
         history_every: Option<Quantity<Time>> where POSITIVE,
+        /// Further columns of the history: fields reduced over sets.
+        measures: Vec<Measure> = "[]",
         /// Pictures of fields.
         pictures: Vec<Picture> = "[]",
         /// Line plots.
@@ -159,6 +162,22 @@ impl JsonSchema for FieldComponent {
             }
         }
         json_schema!({"description": "A scalar field or a component of a field.", "enum": all})
+    }
+}
+
+section! {
+    /// A field reduced to one number, a column of the history under its name.
+    pub struct Measure as "a measure" {
+        /// Name of the column.
+        name: Text,
+        /// The field.
+        field: FieldComponent,
+        /// The set it is reduced over.
+        over: Text = "all",
+        /// How.
+        reduce: Reduction,
+        /// Bound that `count`, `extent_…` and `line_angle` compare with.
+        above: Option<Quantity<Any>>,
     }
 }
 

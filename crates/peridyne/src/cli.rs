@@ -1,0 +1,371 @@
+//! The command line. Exit status: 0 done, 1 the run or a verification failed, 2 bad deck or usage.
+
+use crate::deck::{Deck, DeckErrors, Solver};
+use crate::output::summary::{Exit, Summary};
+use crate::problem::Problem;
+use crate::registry::{assemble, initial_state};
+use crate::run::{self, Progress, Quiet, RunError, Target};
+use crate::verify;
+use clap::{CommandFactory, Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
+use solvers::velocity_verlet::stable_step;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Peridynamics from a deck: a body, a material, a solver; fields, curves, pictures and a check of what is expected.
+#[derive(Parser)]
+#[command(name = "peridyne", version, about, propagate_version = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run a deck and write its results.
+    Run {
+        /// The deck.
+        deck: PathBuf,
+        /// Folder for the results [default: the deck's name with `.out`].
+        #[arg(long)]
+        out: Option<PathBuf>,
+        /// Threads [default: all cores].
+        #[arg(long)]
+        threads: Option<usize>,
+        /// Replaces the value of a parameter.
+        #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+        set: Vec<(String, String)>,
+        /// One of the deck's runs.
+        #[arg(long)]
+        run: Option<String>,
+        /// Print results only.
+        #[arg(long, short)]
+        quiet: bool,
+    },
+    /// Do everything but the solution: check the deck, print sizes, derived constants, memory and the stable step.
+    Check {
+        /// The deck.
+        deck: PathBuf,
+        /// Threads [default: all cores].
+        #[arg(long)]
+        threads: Option<usize>,
+        /// Replaces the value of a parameter.
+        #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+        set: Vec<(String, String)>,
+        /// One of the deck's runs.
+        #[arg(long)]
+        run: Option<String>,
+    },
+    /// Run every deck that says what it expects, and compare.
+    Verify {
+        /// Decks, or folders of decks.
+        #[arg(default_value = "decks")]
+        paths: Vec<PathBuf>,
+        /// Write the results as JSON.
+        #[arg(long)]
+        json: Option<PathBuf>,
+        /// The slow ones too.
+        #[arg(long)]
+        slow: bool,
+        /// Threads [default: all cores].
+        #[arg(long)]
+        threads: Option<usize>,
+    },
+    /// Print the JSON Schema of decks, for editors.
+    Schema,
+    /// Write a commented deck to start from.
+    New {
+        /// Where to.
+        #[arg(default_value = "deck.yaml")]
+        path: PathBuf,
+    },
+    /// Print shell completions.
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+fn assignment(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((name.trim().into(), value.trim().into())),
+        _ => Err("write NAME=VALUE, for example `--set horizon=3 mm`".into()),
+    }
+}
+
+static CANCEL: AtomicBool = AtomicBool::new(false);
+
+/// The program.
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    // the first interrupt ends the run cleanly, a second one at once
+    let handler = || {
+        if CANCEL.swap(true, Ordering::Relaxed) {
+            std::process::exit(1);
+        }
+    };
+    if ctrlc::set_handler(handler).is_err() {
+        eprintln!("warning: interrupts cannot be caught; Ctrl-C will end the program at once");
+    }
+    ExitCode::from(match arguments.command {
+        Command::Run { deck, out, threads, set, run, quiet } => with_threads(threads, || run_deck(&deck, out, &set, run.as_deref(), quiet)),
+        Command::Check { deck, threads, set, run } => with_threads(threads, || check_deck(&deck, &set, run.as_deref())),
+        Command::Verify { paths, json, slow, threads } => with_threads(threads, || verify_decks(&paths, json.as_deref(), slow)),
+        Command::Schema => print(&crate::deck::schema()),
+        Command::New { path } => new_deck(&path),
+        Command::Completions { shell } => {
+            let mut text = vec![];
+            clap_complete::generate(shell, &mut Arguments::command(), "peridyne", &mut text);
+            print(&String::from_utf8_lossy(&text))
+        }
+    })
+}
+
+/// A closed pipe (`peridyne schema | head`) is no failure.
+fn print(text: &str) -> u8 {
+    let _ = writeln!(std::io::stdout(), "{}", text.trim_end());
+    0
+}
+
+fn with_threads(threads: Option<usize>, f: impl FnOnce() -> u8) -> u8 {
+    if threads == Some(0) {
+        eprintln!("error: --threads 0: at least one thread is needed");
+        return 2;
+    }
+    if let Some(n) = threads
+        && let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(n).build_global()
+    {
+        eprintln!("error: {n} threads could not be started: {e}");
+        return 1;
+    }
+    f()
+}
+
+fn show(errors: &DeckErrors) -> u8 {
+    eprintln!("{errors}");
+    2
+}
+
+struct Bar(ProgressBar);
+
+impl Bar {
+    fn new() -> Self {
+        let bar = ProgressBar::new(1000);
+        let style = ProgressStyle::with_template("{bar:40} {percent:>3}%  {msg}  elapsed {elapsed}, left {eta}");
+        if let Ok(style) = style {
+            bar.set_style(style);
+        }
+        Bar(bar)
+    }
+}
+
+impl Progress for Bar {
+    fn at(&mut self, share: f64, text: &str) {
+        self.0.set_position((share * 1000.0) as u64);
+        self.0.set_message(text.to_string());
+    }
+}
+
+fn run_deck(path: &Path, out: Option<PathBuf>, set: &[(String, String)], name: Option<&str>, quiet: bool) -> u8 {
+    let deck = match Deck::load(path, set, name) {
+        Ok(deck) => deck,
+        Err(e) => return show(&e),
+    };
+    let out = out.unwrap_or_else(|| {
+        let stem = path.file_stem().map_or_else(|| "deck".into(), |s| s.to_string_lossy().into_owned());
+        PathBuf::from(name.map_or_else(|| format!("{stem}.out"), |n| format!("{stem}.{n}.out")))
+    });
+    let title = deck.title.value.clone();
+    let shown = std::io::stderr().is_terminal() && !quiet;
+    if !quiet {
+        println!("peridyne {}: {title}", env!("CARGO_PKG_VERSION"));
+    }
+    let result = if shown {
+        let mut bar = Bar::new();
+        let result = run::run(deck, &Target::Folder(&out), &mut bar, &CANCEL);
+        bar.0.finish_and_clear();
+        result
+    } else {
+        run::run(deck, &Target::Folder(&out), &mut Quiet, &CANCEL)
+    };
+    match result {
+        Err(RunError::Deck(e)) => show(&e),
+        Err(e) => {
+            eprintln!("error: {e}");
+            1
+        }
+        Ok(outcome) => {
+            close(&outcome.summary, &out, quiet);
+            let failed = outcome.measurements.iter().any(|m| !m.passed);
+            if !outcome.measurements.is_empty() {
+                println!("{:<44}{:>20}{:>20}{:>11}", "expected", "computed", "reference", "");
+                for m in &outcome.measurements {
+                    line(&m.quantity, m.computed, m.reference, m.tolerance, m.passed, m.problem.as_deref());
+                }
+            }
+            u8::from(failed || !outcome.completed)
+        }
+    }
+}
+
+/// The closing screen.
+fn close(s: &Summary, out: &Path, quiet: bool) {
+    for w in &s.warnings {
+        eprintln!("warning: {w}");
+    }
+    match &s.exit {
+        Exit::Completed { .. } => {}
+        Exit::Stopped { reason, time } => eprintln!("stopped at time {time:.6e}: {reason}"),
+    }
+    if quiet {
+        return;
+    }
+    println!(
+        "{} points, {} directed bonds in {} chunks; {:.1} bytes per bond, {:.1} MB",
+        s.sizes.points,
+        s.sizes.directed_bonds,
+        s.sizes.chunks,
+        s.sizes.bytes_per_bond,
+        s.sizes.memory_bytes as f64 / 1e6
+    );
+    for c in &s.constants {
+        println!("  {:<40}{:>20} {}", c.name, number(c.value), c.unit);
+    }
+    for t in &s.timings {
+        println!("  {:<40}{:>16.3} s{:>6.1} %", t.name, t.seconds, 100.0 * t.share);
+    }
+    println!("  {:<40}{:>20.3e}", "bond evaluations per second", s.bonds_per_second);
+    println!("results in {}", out.display());
+}
+
+fn number(x: f64) -> String {
+    if x == x.trunc() && x.abs() < 1e15 { format!("{x}") } else { format!("{x:.9e}") }
+}
+
+fn line(quantity: &str, computed: f64, reference: f64, tolerance: f64, passed: bool, problem: Option<&str>) {
+    let verdict = if passed { "ok" } else { "FAILED" };
+    let shown: String = if quantity.chars().count() > 43 { quantity.chars().take(42).chain("…".chars()).collect() } else { quantity.into() };
+    println!("{shown:<44}{:>20}{:>20} ±{:<9.1e}{verdict}", format!("{computed:.10e}"), format!("{reference:.10e}"), tolerance);
+    if let Some(p) = problem {
+        println!("    {p}");
+    }
+}
+
+fn check_deck(path: &Path, set: &[(String, String)], name: Option<&str>) -> u8 {
+    let problem = match Deck::load(path, set, name).and_then(Problem::new) {
+        Ok(p) => p,
+        Err(e) => return show(&e),
+    };
+    let mut assembly = match assemble(&problem) {
+        Ok(a) => a,
+        Err(e) => return show(&e),
+    };
+    let (bonds, chunks, bytes) = assembly.model.sizes();
+    let memory = bytes.0 + bytes.1 + bytes.2;
+    println!("{}: ok", path.display());
+    println!("  {:<40}{:>20}", "points", problem.cloud.len());
+    println!("  {:<40}{:>20}", "directed bonds", bonds);
+    println!("  {:<40}{:>20.2}", "neighbours per point", bonds as f64 / problem.cloud.len() as f64);
+    println!("  {:<40}{:>20}", "chunks", chunks);
+    println!("  {:<40}{:>20.1} MB ({:.1} bytes per directed bond)", "memory of the body", memory as f64 / 1e6, memory as f64 / bonds.max(1) as f64);
+    for (name, points) in &problem.sets {
+        println!("  {:<40}{:>20} points", format!("set {name}"), points.len());
+    }
+    for (name, value) in problem.deck.parameters.numbers() {
+        println!("  {:<40}{:>20}", format!("parameter {name}"), number(value));
+    }
+    for (name, value, unit) in &assembly.derived {
+        println!("  {name:<40}{:>20} {unit}", number(*value));
+    }
+    for w in &assembly.warnings {
+        println!("warning: {w}");
+    }
+    if let Solver::VelocityVerlet(v) = &problem.deck.solver {
+        assembly.model.set_statics(false);
+        let (u, _) = initial_state(&problem);
+        match stable_step(&mut *assembly.model, 0.0, &u, v.safety.value) {
+            Ok(s) => {
+                println!("  {:<40}{:>20} (safety {} included)", "stable step", number(s.time_step), v.safety.value);
+                if let crate::deck::Auto::Given(q) = v.step {
+                    println!("  {:<40}{:>20.3}", "step of the deck over stable step", q.value / s.time_step);
+                    if q.value > s.time_step / v.safety.value {
+                        println!("warning: the step of the deck is above the stability limit");
+                    }
+                }
+                if let Some(end) = v.end {
+                    println!("  {:<40}{:>20}", "steps", (end.value / s.time_step).ceil());
+                }
+            }
+            Err(e) => println!("warning: no stable step could be found: {e}"),
+        }
+    }
+    0
+}
+
+fn verify_decks(paths: &[PathBuf], json: Option<&Path>, slow: bool) -> u8 {
+    let decks = match verify::find(paths) {
+        Ok(decks) => decks,
+        Err(e) => {
+            eprintln!("error: decks cannot be listed: {e}; give files or folders");
+            return 2;
+        }
+    };
+    let mut report = verify::Report { results: vec![] };
+    let mut status = 0;
+    for path in &decks {
+        let runs = match Deck::runs(path) {
+            Ok(runs) => runs,
+            Err(e) => {
+                status = status.max(show(&e));
+                continue;
+            }
+        };
+        for r in runs.iter().filter(|r| slow || !r.slow) {
+            if CANCEL.load(Ordering::Relaxed) {
+                return 1;
+            }
+            let only = (r.name != crate::deck::DEFAULT_RUN).then_some(r.name.as_str());
+            let clock = std::time::Instant::now();
+            match verify::verify(path, &r.name, only, &mut Quiet, &CANCEL) {
+                Err(e) => status = status.max(show(&e)),
+                Ok(verdicts) if verdicts.is_empty() => {}
+                Ok(verdicts) => {
+                    println!("{} [{}] {:.1} s", path.display(), r.name, clock.elapsed().as_secs_f64());
+                    for v in &verdicts {
+                        line(&format!("  {}", v.quantity), v.computed, v.reference, v.tolerance, v.passed, v.problem.as_deref());
+                    }
+                    report.results.extend(verdicts);
+                }
+            }
+        }
+    }
+    let failed = report.results.iter().filter(|v| !v.passed).count();
+    println!("{} passed, {failed} failed", report.results.len() - failed);
+    if let Some(path) = json {
+        let written = crate::output::write_whole(path, |file| -> std::io::Result<()> {
+            serde_json::to_writer_pretty(&mut *file, &report).map_err(std::io::Error::other)?;
+            writeln!(file)
+        });
+        if let Err(e) = written {
+            eprintln!("error: {}: cannot be written: {e}", path.display());
+            return 1;
+        }
+    }
+    if failed > 0 { status.max(1) } else { status }
+}
+
+fn new_deck(path: &Path) -> u8 {
+    let file = std::fs::OpenOptions::new().write(true).create_new(true).open(path);
+    match file.and_then(|mut f| f.write_all(crate::deck::starter().as_bytes())) {
+        Ok(()) => {
+            println!("{} written; `peridyne check {}` tells what it holds", path.display(), path.display());
+            0
+        }
+        Err(e) => {
+            eprintln!("error: {}: cannot be written: {e}; an existing file is never overwritten", path.display());
+            1
+        }
+    }
+}

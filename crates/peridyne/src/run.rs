@@ -1,0 +1,664 @@
+//! A run: the deck's solver over the assembled body, with what is observed on the way and written at the end.
+
+use crate::deck::{self, Auto, Deck, DeckErrors, FieldComponent, Moment, Solver};
+use crate::output::picture::{self, Deformation, Options, Range, Shown, View};
+use crate::output::plot::{Axis, Curve, Plot, Style};
+use crate::output::summary::{Constant, Exit, Sizes, Summary, Timing, Verdict};
+use crate::output::table::{History, write_final};
+use crate::output::vtkhdf::FieldFile;
+use crate::output::{Field, FieldValues, OutputError, Snapshot, color::ColorMap};
+use crate::problem::{Problem, axis_name};
+use crate::registry::{Assembly, assemble, initial_state};
+use crate::verify::{Measurement, Pending};
+use bodies::measures::FieldName;
+use bodies::structure::Simulated;
+use solvers::dynamic_relaxation::{DynamicRelaxation, DynamicRelaxationOptions};
+use solvers::load_steps::{Equilibrium, LoadSteps, StaticsError};
+use solvers::newton::{LinearSolver, Newton, NewtonOptions};
+use solvers::nonlinear_cg::{NonlinearCg, NonlinearCgOptions};
+use solvers::observe::{Ended, StepReport};
+use solvers::velocity_verlet::{Motion, MotionError, VelocityVerlet, stable_step};
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+/// Why there is no result at all.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The deck is at fault.
+    #[error("{0}")]
+    Deck(DeckErrors),
+    /// A result could not be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+/// Hears how far a run is.
+pub trait Progress {
+    /// `share` of the run is done (0 to 1); `text` says where it is.
+    fn at(&mut self, share: f64, text: &str);
+}
+
+/// Nobody listens.
+pub struct Quiet;
+impl Progress for Quiet {
+    fn at(&mut self, _: f64, _: &str) {}
+}
+
+/// What a run ended with.
+pub struct Outcome {
+    /// As written to `summary.json`.
+    pub summary: Summary,
+    /// What was expected, measured.
+    pub measurements: Vec<Measurement>,
+    /// Whether the run reached its end.
+    pub completed: bool,
+}
+
+/// Where results go.
+pub enum Target<'a> {
+    /// Into a folder.
+    Folder(&'a Path),
+    /// Nowhere: only measurements are wanted.
+    Nowhere,
+}
+
+/// Runs a deck.
+///
+/// # Errors
+/// [`RunError`] where the deck is at fault or nothing can be written; a run that goes wrong on the way is an [`Outcome`].
+pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &AtomicBool) -> Result<Outcome, RunError> {
+    let clock = Instant::now();
+    let problem = Problem::new(deck).map_err(RunError::Deck)?;
+    let assembly = assemble(&problem).map_err(RunError::Deck)?;
+    let setup = clock.elapsed().as_secs_f64();
+    let Assembly { mut model, derived, warnings } = assembly;
+    let mut recorder = Recorder::new(&problem, &*model, target)?;
+    let (mut u, v) = initial_state(&problem);
+    let mut constants: Vec<Constant> =
+        derived.into_iter().map(|(name, value, unit)| Constant { name, value, unit: unit.into() }).collect();
+    let solving = Instant::now();
+    let mut solver_time = 0.0;
+    let (exit, steps) = match &problem.deck.solver {
+        Solver::VelocityVerlet(options) => {
+            model.set_statics(false);
+            let step = match options.step {
+                Auto::Given(q) => q.value,
+                Auto::Auto => match stable_step(&mut *model, 0.0, &u, options.safety.value) {
+                    Ok(s) => s.time_step,
+                    Err(e) => {
+                        let issue = deck::Issue::new(options.span, e.to_string(), "give `step:` in the solver");
+                        return Err(RunError::Deck(problem.deck.errors(vec![issue])));
+                    }
+                },
+            };
+            solver_time += solving.elapsed().as_secs_f64();
+            constants.push(Constant { name: "time step".into(), value: step, unit: "time".into() });
+            let end = options.end.map_or_else(|| step * options.steps.map_or(1, |s| s.value) as f64, |e| e.value);
+            let solver = VelocityVerlet { time_step: step, end, observe_every: 1 };
+            let mut motion = Motion::at_rest(u.len(), 0.0);
+            motion.u.copy_from_slice(&u);
+            motion.v.copy_from_slice(&v);
+            recorder.span = (0.0, end);
+            let result = {
+                let mut observer = |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], v: &[f64]| {
+                    recorder.step(model, report, u, v, progress)
+                };
+                solver.run(&mut *model, &mut motion, &mut observer, Some(cancel))
+            };
+            let exit = match result {
+                Ok(Ended::Completed) => Exit::Completed { time: motion.time },
+                Ok(_) => Exit::Stopped { reason: "stopped by the user".into(), time: motion.time },
+                Err(e) => Exit::Stopped { reason: motion_failure(&e), time: motion.time },
+            };
+            u.copy_from_slice(&motion.u);
+            recorder.last_velocity = motion.v.clone();
+            (exit, motion.step)
+        }
+        Solver::Statics(options) => {
+            model.set_statics(true);
+            let threads = rayon::current_num_threads();
+            let newton = NewtonOptions {
+                tolerance: options.tolerance.value,
+                max_iterations: options.max_iterations.value as usize,
+                linear: options.linear,
+                threads,
+                solver: match options.method {
+                    deck::LinearMethod::Direct => LinearSolver::Direct,
+                    deck::LinearMethod::ConjugateGradients => LinearSolver::ConjugateGradients,
+                    // in 3D the factor grows too fast: matrix-free unless asked for
+                    _ if problem.section.dimension() == 3 => LinearSolver::ConjugateGradients,
+                    _ => LinearSolver::Automatic,
+                },
+                ..NewtonOptions::default()
+            };
+            let mut newton = Newton::new(newton);
+            let mut nonlinear = NonlinearCg::new(NonlinearCgOptions { tolerance: options.tolerance.value, ..NonlinearCgOptions::default() });
+            let method: &mut dyn Equilibrium = match options.method {
+                deck::LinearMethod::NonlinearConjugateGradients => &mut nonlinear,
+                _ => &mut newton,
+            };
+            let mut program = LoadSteps::uniform(0.0, options.end.value, options.load_steps.value as usize);
+            program.smallest_fraction = options.smallest_step.value;
+            recorder.span = (0.0, options.end.value);
+            statics(&mut *model, &program, method, &mut u, &mut recorder, progress, cancel)
+        }
+        Solver::DynamicRelaxation(options) => {
+            model.set_statics(true);
+            let mut method = DynamicRelaxation::new(DynamicRelaxationOptions {
+                tolerance: options.tolerance.value,
+                max_steps: options.max_steps.value as usize,
+                ..DynamicRelaxationOptions::default()
+            });
+            let program = LoadSteps::uniform(0.0, options.end.value, options.load_steps.value as usize);
+            recorder.span = (0.0, options.end.value);
+            statics(&mut *model, &program, &mut method, &mut u, &mut recorder, progress, cancel)
+        }
+    };
+    solver_time = solving.elapsed().as_secs_f64().max(solver_time) - recorder.seconds;
+    let mut result = recorder.finish(&mut *model, &u, &exit)?;
+    let (bonds, chunks, bytes) = model.sizes();
+    let (forces, tangents) = model.evaluations();
+    let memory = bytes.0 + bytes.1 + bytes.2;
+    let output = result.seconds;
+    constants.push(Constant { name: "steps".into(), value: steps as f64, unit: String::new() });
+    constants.push(Constant { name: "force evaluations".into(), value: forces as f64, unit: String::new() });
+    constants.push(Constant { name: "tangent products".into(), value: tangents as f64, unit: String::new() });
+    let (damage, broken) = model.damage();
+    if broken.bonds > 0 {
+        constants.push(Constant { name: "bonds broken".into(), value: broken.bonds as f64 / 2.0, unit: String::new() });
+        constants.push(Constant { name: "points released".into(), value: broken.released as f64, unit: String::new() });
+        constants.push(Constant { name: "largest damage".into(), value: damage, unit: String::new() });
+    }
+    let mut all_warnings = warnings;
+    if model.held_points() > 0 {
+        all_warnings.push(format!("{} points of fragments that nothing holds were kept where they are", model.held_points()));
+    }
+    let mut summary = Summary {
+        version: env!("CARGO_PKG_VERSION").into(),
+        deck: serde_json::to_string(&problem.deck.resolved()).unwrap_or_default(),
+        sizes: Sizes {
+            points: problem.cloud.len() as u64,
+            directed_bonds: bonds as u64,
+            chunks: chunks as u64,
+            bytes_per_bond: memory as f64 / bonds.max(1) as f64,
+            memory_bytes: memory as u64,
+        },
+        constants,
+        timings: Timing::list([("set-up", setup), ("solver", solver_time.max(0.0)), ("output", output)]),
+        bonds_per_second: (forces + tangents) as f64 * bonds as f64 / solver_time.max(1e-9),
+        verdicts: result
+            .measurements
+            .iter()
+            .map(|m| Verdict { quantity: m.quantity.clone(), computed: m.computed, reference: m.reference, tolerance: m.tolerance, passed: m.passed })
+            .collect(),
+        warnings: all_warnings,
+        exit: exit.clone(),
+    };
+    if let Target::Folder(folder) = target {
+        summary.write(&folder.join("summary.json"))?;
+    }
+    summary.warnings.append(&mut result.warnings);
+    let completed = matches!(exit, Exit::Completed { .. });
+    Ok(Outcome { summary, measurements: result.measurements, completed })
+}
+
+fn motion_failure(e: &MotionError) -> String {
+    e.to_string()
+}
+
+fn statics(
+    model: &mut (dyn Simulated + 'static),
+    program: &LoadSteps,
+    method: &mut dyn Equilibrium,
+    u: &mut [f64],
+    recorder: &mut Recorder,
+    progress: &mut dyn Progress,
+    cancel: &AtomicBool,
+) -> (Exit, usize) {
+    let mut last = (program.start, 0);
+    let rest = vec![0.0; u.len()];
+    let result = {
+        let mut observer = |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], _: &[f64]| {
+            last = (report.time, report.step);
+            recorder.step(model, report, u, &rest, progress)
+        };
+        program.run(model, method, u, &mut observer, Some(cancel))
+    };
+    recorder.last_velocity = rest;
+    let exit = match result {
+        Ok(Ended::Completed) => Exit::Completed { time: last.0 },
+        Ok(_) => Exit::Stopped { reason: "stopped by the user".into(), time: last.0 },
+        Err(e) => {
+            let place = match &e {
+                StaticsError::Increment { cause, .. } => cause.worst_dof().map(|dof| {
+                    let d = u.len() / recorder.points();
+                    let (id, x) = model.describe_dof(dof);
+                    format!("; worst at point {id} at ({:.6e}, {:.6e}, {:.6e}), direction {}", x[0], x[1], x[2], axis_name(dof % d))
+                }),
+                _ => None,
+            };
+            Exit::Stopped { reason: format!("{e}{}; the last good state was written", place.unwrap_or_default()), time: last.0 }
+        }
+    };
+    (exit, last.1)
+}
+
+/// Rows kept of the histories, for plots and expectations.
+struct Rows {
+    columns: Vec<String>,
+    rows: Vec<Vec<f64>>,
+}
+
+/// What a recorder leaves.
+struct Recorded {
+    measurements: Vec<Measurement>,
+    warnings: Vec<String>,
+    seconds: f64,
+}
+
+/// Observes a run: histories, frames, pictures, and the measurements that the deck expects.
+struct Recorder<'a> {
+    problem: &'a Problem,
+    folder: Option<PathBuf>,
+    fields: Vec<FieldName>,
+    reference: Vec<[f64; 3]>,
+    id: Vec<i64>,
+    edge: Vec<f64>,
+    conditions: Vec<String>,
+    history: Option<History>,
+    rows: Rows,
+    file: Option<FieldFile>,
+    pending: Vec<Pending<'a>>,
+    measured: Vec<Measurement>,
+    /// Start and end of the run.
+    span: (f64, f64),
+    next_frame: f64,
+    next_row: f64,
+    frames: usize,
+    initial_energy: Option<f64>,
+    last_velocity: Vec<f64>,
+    last: (f64, u64),
+    seconds: f64,
+    warnings: Vec<String>,
+    failed: Option<OutputError>,
+}
+
+impl<'a> Recorder<'a> {
+    fn new(problem: &'a Problem, model: &dyn Simulated, target: &Target) -> Result<Self, RunError> {
+        let folder = match target {
+            Target::Folder(path) => {
+                std::fs::create_dir_all(path).map_err(|source| OutputError::Io { action: "create", path: path.to_path_buf(), source })?;
+                Some(path.to_path_buf())
+            }
+            Target::Nowhere => None,
+        };
+        let n = problem.cloud.len();
+        let (mut reference, mut id, mut edge) = (vec![[0.0; 3]; n], vec![0; n], vec![0.0; n]);
+        let d = problem.section.dimension();
+        for (p, &q) in problem.user.iter().enumerate() {
+            reference[q as usize] = problem.cloud.position[p];
+            id[q as usize] = problem.cloud.id[p] as i64;
+            edge[q as usize] = (problem.cloud.volume[p] / problem.section.measure()).powf(1.0 / d as f64);
+        }
+        let conditions = model.condition_names();
+        let mut columns: Vec<String> = [
+            "time", "step", "energy.kinetic", "energy.strain", "energy.contact", "energy.external_work", "energy.total", "energy.dissipated",
+            "momentum.x", "momentum.y", "momentum.z", "angular_momentum.x", "angular_momentum.y", "angular_momentum.z", "damage.max",
+            "damage.broken_bonds",
+        ]
+        .map(String::from)
+        .into();
+        columns.extend(problem.deck.output.measures.iter().map(|m| m.name.value.clone()));
+        for name in &conditions {
+            columns.extend((0..d).map(|k| format!("reaction.{name}.{}", axis_name(k))));
+        }
+        let history = match &folder {
+            Some(f) => Some(History::create(&f.join("history.csv"), &columns.iter().map(String::as_str).collect::<Vec<_>>())?),
+            None => None,
+        };
+        let fields = problem.deck.output.fields.iter().filter_map(|f| FieldName::parse(f.name())).collect();
+        let pending = problem.deck.expectations().filter_map(Pending::new).collect();
+        Ok(Recorder {
+            problem,
+            folder,
+            fields,
+            reference,
+            id,
+            edge,
+            conditions,
+            history,
+            rows: Rows { columns, rows: vec![] },
+            file: None,
+            pending,
+            measured: vec![],
+            span: (0.0, 1.0),
+            next_frame: f64::NEG_INFINITY,
+            next_row: f64::NEG_INFINITY,
+            frames: 0,
+            initial_energy: None,
+            last_velocity: vec![],
+            last: (0.0, 0),
+            seconds: 0.0,
+            warnings: vec![],
+            failed: None,
+        })
+    }
+
+    fn points(&self) -> usize {
+        self.reference.len()
+    }
+
+    fn frame_interval(&self) -> f64 {
+        let o = &self.problem.deck.output;
+        o.every.map_or_else(|| (self.span.1 - self.span.0) / o.frames.map_or(20, |f| f.value.max(1)) as f64, |q| q.value)
+    }
+
+    fn row_interval(&self) -> f64 {
+        let o = &self.problem.deck.output;
+        o.history_every.map_or_else(|| (self.span.1 - self.span.0) / o.history.value.max(1) as f64, |q| q.value)
+    }
+
+    /// One accepted step.
+    fn step(&mut self, model: &mut dyn Simulated, report: &StepReport, u: &[f64], v: &[f64], progress: &mut dyn Progress) -> ControlFlow<()> {
+        let clock = Instant::now();
+        let v = if v.is_empty() { vec![0.0; u.len()] } else { v.to_vec() };
+        let t = report.time;
+        self.last = (t, report.step as u64);
+        // half a step of grace: the step nearest to the time asked for
+        let reached = |due: f64| t >= due - 0.5 * report.increment;
+        if reached(self.next_row) {
+            let row = self.scalars(model, report.step, t, u, &v);
+            if let Some(h) = &mut self.history
+                && let Err(e) = h.append(&row)
+            {
+                self.failed = Some(e);
+            }
+            self.rows.rows.push(row);
+            self.next_row = next_after(self.next_row, self.row_interval(), t, self.span.0);
+        }
+        if self.folder.is_some() && reached(self.next_frame) && t < self.span.1 * (1.0 - 1e-12) {
+            self.frame(model, report.step as u64, t, u, &v);
+            self.next_frame = next_after(self.next_frame, self.frame_interval(), t, self.span.0);
+        }
+        self.measure_due(model, report.step, t, u, &v, Some(0.5 * report.increment));
+        self.seconds += clock.elapsed().as_secs_f64();
+        let share = ((t - self.span.0) / (self.span.1 - self.span.0)).clamp(0.0, 1.0);
+        progress.at(share, &format!("step {}, time {t:.4e}", report.step));
+        if self.failed.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn measure_due(&mut self, model: &mut dyn Simulated, step: usize, t: f64, u: &[f64], v: &[f64], grace: Option<f64>) {
+        let problem = self.problem;
+        let (due, rest): (Vec<_>, Vec<_>) = std::mem::take(&mut self.pending).into_iter().partition(|p| match (p.time(), grace) {
+            (Some(time), Some(grace)) => t >= time - grace,
+            (None, Some(_)) => false,
+            (_, None) => true,
+        });
+        self.pending = rest;
+        if due.is_empty() {
+            return;
+        }
+        let row = self.scalars(model, step, t, u, v);
+        let scalars: BTreeMap<String, f64> = self.rows.columns.iter().cloned().zip(row).collect();
+        let rows = &self.rows;
+        let earlier = |name: &str, time: f64| {
+            let column = rows.columns.iter().position(|c| c == name)?;
+            rows.rows.iter().min_by(|a, b| (a[0] - time).abs().total_cmp(&(b[0] - time).abs())).map(|r| r[column])
+        };
+        for p in due {
+            let mut field = |c: &FieldComponent| component(model, c, t, u, v);
+            self.measured.push(p.measure(problem, &scalars, &earlier, &mut field, t));
+        }
+    }
+
+    /// The row of the histories.
+    fn scalars(&mut self, model: &mut dyn Simulated, step: usize, t: f64, u: &[f64], v: &[f64]) -> Vec<f64> {
+        let b = model.balance(t, u, v);
+        let total = b.kinetic + b.strain + b.contact;
+        let initial = *self.initial_energy.get_or_insert(total);
+        let (damage, broken) = model.damage();
+        let mut row = vec![
+            t,
+            step as f64,
+            b.kinetic,
+            b.strain,
+            b.contact,
+            b.external_work,
+            total,
+            b.external_work + initial - total,
+            b.momentum[0],
+            b.momentum[1],
+            b.momentum[2],
+            b.angular_momentum[0],
+            b.angular_momentum[1],
+            b.angular_momentum[2],
+            damage,
+            broken.bonds as f64 / 2.0,
+        ];
+        for m in &self.problem.deck.output.measures {
+            let values = component(model, &m.field, t, u, v);
+            let points: Vec<(usize, f64)> =
+                self.problem.set(&m.over.value).iter().map(|&p| (p as usize, values[self.problem.user[p as usize] as usize])).collect();
+            row.push(crate::verify::reduced(self.problem, &points, &m.reduce, m.above.map(|a| a.value)));
+        }
+        for c in 0..self.conditions.len() {
+            let r = model.resultant(c, t, u, Some(v));
+            row.extend(&r[..self.problem.section.dimension()]);
+        }
+        row
+    }
+
+    fn frame(&mut self, model: &mut dyn Simulated, step: u64, t: f64, u: &[f64], v: &[f64]) {
+        let Some(folder) = self.folder.clone() else { return };
+        let displacement = vectors(&model.field(FieldName::Displacement, t, u, v));
+        let fields: Vec<Field> = self
+            .fields
+            .iter()
+            .filter(|f| !matches!(f, FieldName::Displacement | FieldName::Id))
+            .map(|&f| Field::new(f.name(), values(f, model.field(f, t, u, v))))
+            .collect();
+        let snapshot = Snapshot { time: t, step, displacement: &displacement, fields: &fields };
+        let written = match &mut self.file {
+            Some(file) => file.append(&snapshot),
+            None => FieldFile::create(&folder.join("fields.vtkhdf"), &self.id, &self.reference, &[], &snapshot).map(|f| self.file = Some(f)),
+        };
+        self.frames += 1;
+        let pictures = self.pictures(model, t, u, v, &displacement, |m| matches!(m, Moment::All), Some(self.frames));
+        if let Err(e) = written.and(pictures) {
+            self.failed = Some(e);
+        }
+    }
+
+    fn pictures(
+        &mut self,
+        model: &mut dyn Simulated,
+        t: f64,
+        u: &[f64],
+        v: &[f64],
+        displacement: &[[f64; 3]],
+        wanted: impl Fn(&Moment) -> bool,
+        frame: Option<usize>,
+    ) -> Result<(), OutputError> {
+        let Some(folder) = &self.folder else { return Ok(()) };
+        for p in self.problem.deck.output.pictures.iter().filter(|p| wanted(&p.time)) {
+            let shown = component(model, &p.field, t, u, v);
+            let name = p.name.as_ref().map_or_else(|| p.field.to_string().replace('.', "_"), |n| n.value.clone());
+            let body = picture::Body { dimension: self.problem.section.dimension(), reference: &self.reference, displacement, edge: &self.edge };
+            let label = p.field.to_string();
+            let signed = shown.iter().any(|x| *x < 0.0) && shown.iter().any(|x| *x > 0.0);
+            let damage = p.field.field.name() == "damage";
+            let mut options = Options {
+                title: Some(self.problem.deck.title.value.clone()),
+                caption: Some(format!("{label} at {t:.4e}")),
+                colors: if damage {
+                    ColorMap::Ember
+                } else if signed {
+                    ColorMap::Diverging
+                } else {
+                    ColorMap::Viridis
+                },
+                range: if signed && !damage { Range::Symmetric } else { Range::Auto },
+                deformation: match p.scale {
+                    Auto::Auto => Deformation::Auto,
+                    Auto::Given(q) => Deformation::Factor(q.value),
+                },
+                ..Options::default()
+            };
+            if damage {
+                options.range = Range::Fixed { min: 0.0, max: 1.0 };
+            }
+            if let Some([a, b]) = p.range {
+                options.range = Range::Fixed { min: a.value, max: b.value };
+            }
+            if let Some(view) = &p.view {
+                options.view = View { azimuth: view.azimuth.value.to_degrees(), elevation: view.elevation.value.to_degrees() };
+            }
+            let file = frame.map_or_else(|| format!("{name}.png"), |k| format!("{name}_{k:04}.png"));
+            picture::draw(&body, &Shown { name: &label, unit: None, values: &shown }, &options)?.write(&folder.join(file))?;
+        }
+        Ok(())
+    }
+
+    /// The end: last frame, pictures, tables, plots, and what is still to be measured.
+    fn finish(mut self, model: &mut dyn Simulated, u: &[f64], exit: &Exit) -> Result<Recorded, RunError> {
+        let clock = Instant::now();
+        let (t, step) = self.last;
+        let v = if self.last_velocity.len() == u.len() { std::mem::take(&mut self.last_velocity) } else { vec![0.0; u.len()] };
+        if self.rows.rows.last().is_none_or(|r| r[0] < t) {
+            let row = self.scalars(model, step as usize, t, u, &v);
+            if let Some(h) = &mut self.history {
+                h.append(&row)?;
+            }
+            self.rows.rows.push(row);
+        }
+        if matches!(exit, Exit::Completed { .. }) {
+            self.measure_due(model, step as usize, t, u, &v, None);
+        } else {
+            for p in std::mem::take(&mut self.pending) {
+                self.measured.push(p.missing());
+            }
+        }
+        if let Some(folder) = self.folder.clone() {
+            self.frame(model, step, t, u, &v);
+            let displacement = vectors(&model.field(FieldName::Displacement, t, u, &v));
+            let at_end = |m: &Moment| !matches!(m, Moment::All);
+            self.pictures(model, t, u, &v, &displacement, at_end, None)?;
+            let fields: Vec<Field> = self
+                .fields
+                .iter()
+                .filter(|f| !matches!(f, FieldName::Displacement | FieldName::Id))
+                .map(|&f| Field::new(f.name(), values(f, model.field(f, t, u, &v))))
+                .collect();
+            let snapshot = Snapshot { time: t, step, displacement: &displacement, fields: &fields };
+            write_final(&folder.join("final.csv"), &self.id, &self.reference, &snapshot)?;
+            self.plots(model, &folder, t, u, &v)?;
+        }
+        if let Some(e) = self.failed {
+            return Err(e.into());
+        }
+        Ok(Recorded { measurements: self.measured, warnings: self.warnings, seconds: self.seconds + clock.elapsed().as_secs_f64() })
+    }
+
+    fn plots(&mut self, model: &mut dyn Simulated, folder: &Path, t: f64, u: &[f64], v: &[f64]) -> Result<(), OutputError> {
+        for p in &self.problem.deck.output.plots {
+            let mut plot = Plot::new(self.problem.deck.title.value.clone(), Axis::new(""), Axis::new(""));
+            if let (Some(x), Some(ys)) = (&p.x, &p.y) {
+                let column = |name: &str| self.rows.columns.iter().position(|c| c == name);
+                let Some(a) = column(&x.value) else {
+                    self.warnings.push(format!("plot `{}`: there is no history `{}`; there are {}", p.name.value, x.value, self.rows.columns.join(", ")));
+                    continue;
+                };
+                plot.x = Axis::new(x.value.clone());
+                for y in ys {
+                    match column(&y.value) {
+                        Some(b) => plot = plot.curve(Curve::new(y.value.clone(), self.rows.rows.iter().map(|r| [r[a], r[b]]).collect())),
+                        None => self.warnings.push(format!("plot `{}`: there is no history `{}`", p.name.value, y.value)),
+                    }
+                }
+                if matches!(p.log, Some(deck::LogAxes::X | deck::LogAxes::Both)) {
+                    plot.x = plot.x.logarithmic();
+                }
+                if matches!(p.log, Some(deck::LogAxes::Y | deck::LogAxes::Both)) {
+                    plot.y = plot.y.logarithmic();
+                }
+            }
+            if let (Some(line), Some(fields)) = (&p.along, &p.fields) {
+                let (a, b) = (line.from.point(), line.to.point());
+                let on = self.along(a, b);
+                plot.x = Axis::new("distance along the line");
+                for f in fields {
+                    let values = component(model, f, t, u, v);
+                    plot = plot.curve(Curve::new(f.to_string(), on.iter().map(|&(s, q)| [s, values[q]]).collect()));
+                }
+                if let Some(f) = &p.analytic {
+                    let points = on.iter().map(|&(s, q)| [s, f.eval(self.reference[q], t)]).collect();
+                    plot = plot.curve(Curve::new(f.text.clone(), points).style(Style::Dashed));
+                }
+            }
+            plot.write_png(&folder.join(format!("{}.png", p.name.value)))?;
+            plot.write_csv(&folder.join(format!("{}.csv", p.name.value)))?;
+        }
+        Ok(())
+    }
+
+    /// Points within half a spacing of a line, by distance along it.
+    fn along(&self, a: [f64; 3], b: [f64; 3]) -> Vec<(f64, usize)> {
+        let d: [f64; 3] = std::array::from_fn(|k| b[k] - a[k]);
+        let length = d.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let mut on: Vec<(f64, usize)> = (0..self.points())
+            .filter_map(|q| {
+                let r: [f64; 3] = std::array::from_fn(|k| self.reference[q][k] - a[k]);
+                let s = (0..3).map(|k| r[k] * d[k]).sum::<f64>() / length;
+                let away = (0..3).map(|k| (r[k] - s * d[k] / length).powi(2)).sum::<f64>().sqrt();
+                let near = 0.5 * self.edge[q] * (1.0 + 1e-9);
+                (away <= near && s >= -near && s <= length + near).then_some((s, q))
+            })
+            .collect();
+        on.sort_by(|x, y| x.0.total_cmp(&y.0));
+        on
+    }
+}
+
+/// The next time at which something is due, on a grid from the start of the run.
+fn next_after(due: f64, interval: f64, t: f64, start: f64) -> f64 {
+    if interval.is_nan() || interval <= 0.0 {
+        return t;
+    }
+    let from = if due.is_finite() { due } else { start };
+    let steps = ((t - from) / interval + 1e-9).floor().max(0.0) + 1.0;
+    from + steps * interval
+}
+
+fn vectors(flat: &[f64]) -> Vec<[f64; 3]> {
+    flat.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect()
+}
+
+fn values(name: FieldName, flat: Vec<f64>) -> FieldValues {
+    match name {
+        FieldName::FamilySize | FieldName::Material | FieldName::Id => FieldValues::Integer(flat.iter().map(|x| *x as i64).collect()),
+        _ => match name.words() {
+            1 => FieldValues::Scalar(flat),
+            3 => FieldValues::Vector(vectors(&flat)),
+            _ => FieldValues::Tensor(flat.chunks_exact(9).map(|c| std::array::from_fn(|k| c[k])).collect()),
+        },
+    }
+}
+
+/// A component of a field, one number a point, in the user's order.
+fn component(model: &mut dyn Simulated, c: &FieldComponent, t: f64, u: &[f64], v: &[f64]) -> Vec<f64> {
+    let Some(name) = FieldName::parse(c.field.name()) else { return vec![] };
+    let flat = model.field(name, t, u, v);
+    let words = name.words();
+    let entry = |k: usize| flat.chunks_exact(words).map(|w| w[k]).collect::<Vec<f64>>();
+    let axis = |a: u8| (a - b'x') as usize;
+    match c.component.map(str::as_bytes) {
+        None => entry(0),
+        Some(b"magnitude") => flat.chunks_exact(words).map(|w| w.iter().map(|x| x * x).sum::<f64>().sqrt()).collect(),
+        Some([a]) => entry(axis(*a)),
+        Some([a, b]) => entry(axis(*a) * 3 + axis(*b)),
+        Some(_) => entry(0),
+    }
+}
