@@ -1,1 +1,3 @@
 //! Peridyne.
+#![forbid(unsafe_code)]
+pub mod deck;

@@ -1,0 +1,288 @@
+//! `conditions` and `temperature`: what acts on the body.
+use crate::deck::decode::{Context, Spanned, Text, choice, section};
+use crate::deck::quantity::{
+    ContactStiffness, Field, ForceDensity, Length, Number, OnlyTime, Pressure, Quantity,
+    SpaceField, Temperature, TimeField, Velocity,
+};
+
+choice! {
+    /// A condition.
+    pub enum Condition as "a condition" {
+        /// Prescribed displacement; only the components given are held.
+        Displacement(DisplacementCondition) = "displacement",
+        /// Prescribed velocity; only the components given are held.
+        Velocity(VelocityCondition) = "velocity",
+        /// Force per volume.
+        ForceDensity(ForceDensityCondition) = "force_density",
+        /// Force per area, spread over a layer below the surface.
+        Traction(TractionCondition) = "traction",
+        /// Velocity at the start.
+        InitialVelocity(InitialVelocity) = "initial_velocity",
+        /// Displacement at the start.
+        InitialDisplacement(InitialDisplacement) = "initial_displacement",
+        /// A plane of mirror symmetry.
+        Symmetry(Symmetry) = "symmetry",
+        /// A rigid plane that pushes the body.
+        RigidWall(RigidWall) = "rigid_wall",
+    }
+}
+
+section! {
+    /// Prescribed displacement.
+    pub struct DisplacementCondition as "a displacement" check check_displacement {
+        /// The set of points.
+        set: Text,
+        /// Name in histories and reactions; kind and set if not given.
+        name: Option<Text>,
+        /// Displacement along x.
+        x: Option<TimeField<Length>>,
+        /// Displacement along y.
+        y: Option<TimeField<Length>>,
+        /// Displacement along z.
+        z: Option<TimeField<Length>>,
+    }
+}
+
+section! {
+    /// Prescribed velocity.
+    pub struct VelocityCondition as "a velocity" check check_velocity {
+        /// The set of points.
+        set: Text,
+        /// Name in histories and reactions; kind and set if not given.
+        name: Option<Text>,
+        /// Velocity along x.
+        x: Option<TimeField<Velocity>>,
+        /// Velocity along y.
+        y: Option<TimeField<Velocity>>,
+        /// Velocity along z.
+        z: Option<TimeField<Velocity>>,
+    }
+}
+
+section! {
+    /// Force per volume.
+    pub struct ForceDensityCondition as "a force density" check check_force_density {
+        /// The set of points.
+        set: Text,
+        /// Name in histories; kind and set if not given.
+        name: Option<Text>,
+        /// Force density along x.
+        x: Option<TimeField<ForceDensity>>,
+        /// Force density along y.
+        y: Option<TimeField<ForceDensity>>,
+        /// Force density along z.
+        z: Option<TimeField<ForceDensity>>,
+    }
+}
+
+section! {
+    /// Force per area, spread over a layer below the surface.
+    pub struct TractionCondition as "a traction" check check_traction {
+        /// The set of points.
+        set: Text,
+        /// Name in histories; kind and set if not given.
+        name: Option<Text>,
+        /// Traction along x.
+        x: Option<TimeField<Pressure>>,
+        /// Traction along y.
+        y: Option<TimeField<Pressure>>,
+        /// Traction along z.
+        z: Option<TimeField<Pressure>>,
+        /// Thickness of the layer it is spread over; one spacing if not given.
+        depth: Option<Quantity<Length>> where POSITIVE,
+    }
+}
+
+section! {
+    /// Velocity at the start.
+    pub struct InitialVelocity as "an initial velocity" check check_initial_velocity {
+        /// The set of points.
+        set: Text,
+        /// Velocity along x.
+        x: Option<SpaceField<Velocity>>,
+        /// Velocity along y.
+        y: Option<SpaceField<Velocity>>,
+        /// Velocity along z.
+        z: Option<SpaceField<Velocity>>,
+    }
+}
+
+section! {
+    /// Displacement at the start.
+    pub struct InitialDisplacement as "an initial displacement" check check_initial_displacement {
+        /// The set of points.
+        set: Text,
+        /// Displacement along x.
+        x: Option<SpaceField<Length>>,
+        /// Displacement along y.
+        y: Option<SpaceField<Length>>,
+        /// Displacement along z.
+        z: Option<SpaceField<Length>>,
+    }
+}
+
+choice! {
+    /// A coordinate axis.
+    pub enum Axis as "an axis" {
+        /// The first.
+        X = "x",
+        /// The second.
+        Y = "y",
+        /// The third.
+        Z = "z",
+    }
+}
+
+impl Axis {
+    /// 0, 1 or 2.
+    pub fn index(&self) -> usize {
+        match self {
+            Axis::X => 0,
+            Axis::Y => 1,
+            Axis::Z => 2,
+        }
+    }
+}
+
+section! {
+    /// A plane of mirror symmetry: the body is the half on one side of it.
+    pub struct Symmetry as "a symmetry plane" {
+        /// The axis the plane is normal to.
+        normal: Spanned<Axis>,
+        /// Where the plane cuts that axis.
+        at: Quantity<Length> = "0",
+    }
+}
+
+section! {
+    /// A rigid plane that pushes the body where points get behind it.
+    pub struct RigidWall as "a rigid wall" check check_wall {
+        /// Name in histories; the kind if not given.
+        name: Option<Text>,
+        /// Normal towards the body, of any length.
+        normal: Vec<Quantity<Number>>,
+        /// A point of the plane.
+        at: Vec<Quantity<Length>>,
+        /// Velocity along the normal.
+        velocity: Option<Field<Velocity, OnlyTime>>,
+        /// Force density per depth of penetration; from the stiffness of the body if not given.
+        stiffness: Option<Quantity<ContactStiffness>> where POSITIVE,
+    }
+}
+
+section! {
+    /// A prescribed temperature.
+    pub struct TemperatureField as "a temperature" {
+        /// Temperature as an expression of x, y, z, t.
+        field: TimeField<Temperature>,
+        /// Temperature without thermal strain.
+        reference: Quantity<Temperature>,
+    }
+}
+
+impl Condition {
+    /// The set it acts on, if it acts on one.
+    pub fn set(&self) -> Option<&Text> {
+        match self {
+            Condition::Displacement(condition) => Some(&condition.set),
+            Condition::Velocity(condition) => Some(&condition.set),
+            Condition::ForceDensity(condition) => Some(&condition.set),
+            Condition::Traction(condition) => Some(&condition.set),
+            Condition::InitialVelocity(condition) => Some(&condition.set),
+            Condition::InitialDisplacement(condition) => Some(&condition.set),
+            Condition::Symmetry(_) | Condition::RigidWall(_) => None,
+        }
+    }
+
+    /// The name in histories: as given, else kind and set, as in `displacement_left`.
+    pub fn label(&self) -> String {
+        let given = match self {
+            Condition::Displacement(condition) => condition.name.as_ref(),
+            Condition::Velocity(condition) => condition.name.as_ref(),
+            Condition::ForceDensity(condition) => condition.name.as_ref(),
+            Condition::Traction(condition) => condition.name.as_ref(),
+            Condition::RigidWall(condition) => condition.name.as_ref(),
+            _ => None,
+        };
+        match (given, self.set(), self) {
+            (Some(name), ..) => name.value.clone(),
+            (None, Some(set), _) => format!("{}_{}", self.name(), set.value),
+            (None, None, Condition::Symmetry(plane)) => format!("symmetry_{}", plane.normal.name()),
+            (None, None, _) => self.name().into(),
+        }
+    }
+
+    /// Where it is.
+    pub fn span(&self) -> crate::deck::Span {
+        match self {
+            Condition::Displacement(condition) => condition.span,
+            Condition::Velocity(condition) => condition.span,
+            Condition::ForceDensity(condition) => condition.span,
+            Condition::Traction(condition) => condition.span,
+            Condition::InitialVelocity(condition) => condition.span,
+            Condition::InitialDisplacement(condition) => condition.span,
+            Condition::Symmetry(condition) => condition.span,
+            Condition::RigidWall(condition) => condition.span,
+        }
+    }
+
+    /// Which of the components x, y, z are given, with their places.
+    pub fn components(&self) -> [Option<crate::deck::Span>; 3] {
+        macro_rules! spans {
+            ($condition:ident) => {
+                [&$condition.x, &$condition.y, &$condition.z]
+                    .map(|component| component.as_ref().map(|field| field.span))
+            };
+        }
+        match self {
+            Condition::Displacement(condition) => spans!(condition),
+            Condition::Velocity(condition) => spans!(condition),
+            Condition::ForceDensity(condition) => spans!(condition),
+            Condition::Traction(condition) => spans!(condition),
+            Condition::InitialVelocity(condition) => [&condition.x, &condition.y, &condition.z]
+                .map(|c| c.as_ref().map(|field| field.span)),
+            Condition::InitialDisplacement(condition) => [&condition.x, &condition.y, &condition.z]
+                .map(|c| c.as_ref().map(|field| field.span)),
+            Condition::Symmetry(_) | Condition::RigidWall(_) => [None; 3],
+        }
+    }
+}
+
+macro_rules! needs_component {
+    ($($check:ident: $type:ty;)*) => {$(
+        fn $check(condition: &$type, cx: &mut Context) {
+            if condition.x.is_none() && condition.y.is_none() && condition.z.is_none() {
+                cx.fault(condition.span, "no component is given", "give at least one of `x`, `y`, `z`");
+            }
+        }
+    )*};
+}
+
+needs_component! {
+    check_displacement: DisplacementCondition;
+    check_velocity: VelocityCondition;
+    check_force_density: ForceDensityCondition;
+    check_traction: TractionCondition;
+    check_initial_velocity: InitialVelocity;
+    check_initial_displacement: InitialDisplacement;
+}
+
+fn check_wall(wall: &RigidWall, cx: &mut Context) {
+    if wall.normal.len() != wall.at.len() || !(1..=3).contains(&wall.normal.len()) {
+        cx.fault(
+            wall.span,
+            format!(
+                "`normal` has {} components and `at` has {}",
+                wall.normal.len(),
+                wall.at.len()
+            ),
+            "give both as many as the body has dimensions",
+        );
+    } else if wall.normal.iter().all(|component| component.value == 0.0) {
+        cx.fault(
+            wall.normal[0].span,
+            "`normal` has no direction",
+            "write for example `normal: [1, 0, 0]`",
+        );
+    }
+}

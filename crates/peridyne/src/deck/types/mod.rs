@@ -1,0 +1,16 @@
+//! The types of the deck, one file per section.
+mod body;
+mod conditions;
+mod expect;
+mod materials;
+mod output;
+mod sets;
+mod solver;
+
+pub use body::*;
+pub use conditions::*;
+pub use expect::*;
+pub use materials::*;
+pub use output::*;
+pub use sets::*;
+pub use solver::*;
