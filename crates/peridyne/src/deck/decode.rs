@@ -20,6 +20,10 @@ pub(crate) struct Context {
     pub parameters: Parameters,
     pub sources: Sources,
     pub issues: Vec<Issue>,
+    /// The names that sets may be called by; `None` if a file may bring more.
+    pub set_names: Option<Vec<String>>,
+    /// The dimension of space, unless it is at fault.
+    pub dimension: Option<usize>,
 }
 
 impl Context {
@@ -375,6 +379,8 @@ macro_rules! choice {
         }
     ) => {
         $(#[doc = $doc])*
+        // A deck holds few of them; boxes would only be in the way of who reads it.
+        #[allow(clippy::large_enum_variant)]
         #[derive(Debug, Clone, serde::Serialize)]
         pub enum $name {
             $( $(#[doc = $variant_doc])* #[serde(rename = $key)] $variant $(($settings))?, )*
@@ -594,6 +600,52 @@ impl<T: JsonSchema> JsonSchema for Spanned<T> {
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         generator.subschema_for::<T>()
+    }
+}
+
+/// The name of a set of points that exists: `all`, a block of points, or an entry of `sets`.
+///
+/// Where points come from a file, the blocks it brings are only known once it is read; then any name passes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SetName {
+    /// The name.
+    pub value: String,
+    /// Where it was typed.
+    pub span: Span,
+}
+
+impl Decode for SetName {
+    fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
+        let value = String::decode(node, cx)?;
+        if let Some(known) = cx
+            .set_names
+            .as_ref()
+            .filter(|known| !known.contains(&value))
+        {
+            let help = suggest(&value, known.iter().map(String::as_str));
+            cx.fault(node.span, format!("there is no set `{value}`"), help);
+            return None;
+        }
+        Some(Self {
+            value,
+            span: node.span,
+        })
+    }
+}
+
+impl Serialize for SetName {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.value)
+    }
+}
+
+impl JsonSchema for SetName {
+    fn schema_name() -> Cow<'static, str> {
+        "SetName".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({"description": "`all`, a block of points, or a name under `sets`.", "type": "string"})
     }
 }
 
@@ -857,6 +909,21 @@ impl Decode for Position {
                     coordinates.len()
                 ),
                 "write `[x, y]` in 2D, `[x, y, z]` in 3D",
+            );
+            return None;
+        }
+        if let Some(dimension) = cx
+            .dimension
+            .filter(|dimension| *dimension != coordinates.len())
+        {
+            let message = format!(
+                "the position has {} coordinates, but the body has dimension {dimension}",
+                coordinates.len()
+            );
+            cx.fault(
+                node.span,
+                message,
+                format!("write `[{}]`", ["x", "x, y", "x, y, z"][dimension - 1]),
             );
             return None;
         }

@@ -24,7 +24,7 @@ mod tree;
 mod types;
 mod units;
 
-pub use decode::{Auto, Dictionary, Position, Spanned, Text};
+pub use decode::{Auto, Dictionary, Position, SetName, Spanned, Text};
 pub use expression::{Expr, ExpressionError, Scope};
 pub use parameters::{Parameter, ParameterValue, Parameters};
 pub use quantity::*;
@@ -37,7 +37,7 @@ pub use units::{Dimension, Unit, UnitError, UnitSystem};
 use decode::{Context, Decode, section};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
-use tree::{Content, Entry, Node, Replace};
+use tree::{Content, Entry, Node, Replace, Replacing};
 
 section! {
     /// A peridynamic problem: what the body is, what acts on it, how it is solved, what is written and expected.
@@ -169,13 +169,23 @@ impl Deck {
         let mut parameters = take_parameters(&mut current, &mut issues);
         choose_run(&current, run, &mut parameters, &mut issues);
         parameters::apply(&mut parameters, &changes, &mut issues);
-        replace_all(&mut current, &mut parameters, &sources, &mut issues);
+        let mut replacing = Replacing {
+            sources: &sources,
+            issues: &mut issues,
+            broken: Vec::new(),
+            placed: 0,
+        };
+        replace_all(&mut current, &mut parameters, &mut replacing);
+        let broken = replacing.broken;
+        let told = issues.len();
 
         let mut cx = Context {
             units: UnitSystem::si(),
             parameters: Parameters::default(),
             sources,
             issues,
+            set_names: set_names(&current),
+            dimension: None,
         };
         if let Some(node) = current.get("units").filter(|node| !node.is_null()) {
             let before = cx.issues.len();
@@ -185,7 +195,8 @@ impl Deck {
             // They are read again, and reported, with the other sections.
             cx.issues.truncate(before);
         }
-        parameters::evaluate(&parameters, &mut cx);
+        parameters::evaluate(&parameters, &broken, &mut cx);
+        cx.dimension = space_dimension(&current, &mut cx);
         let sections = Sections::decode(&current, &mut cx);
         let Context {
             parameters,
@@ -196,6 +207,17 @@ impl Deck {
         if let Some(sections) = &sections {
             references::check(sections, &mut issues);
         }
+        let within = |issue: &Issue, outer: &Span| {
+            issue.span.source == outer.source
+                && outer.start <= issue.span.start
+                && issue.span.end <= outer.end
+        };
+        let later = issues.split_off(told);
+        issues.extend(
+            later
+                .into_iter()
+                .filter(|issue| !broken.iter().any(|outer| within(issue, outer))),
+        );
         match sections {
             Some(sections) if issues.is_empty() => Ok(Self {
                 sections,
@@ -299,7 +321,9 @@ impl Deck {
             let parameters = self.parameters.iter().map(|parameter| {
                 let value = match parameter.value {
                     ParameterValue::Number(value, _) => value.into(),
-                    ParameterValue::Text(_) => parameter.text.clone().into(),
+                    ParameterValue::Text(_) | ParameterValue::Faulty => {
+                        parameter.text.clone().into()
+                    }
                 };
                 (parameter.name.clone(), value)
             });
@@ -365,6 +389,49 @@ fn top(sources: &Sources, issues: &mut Vec<Issue>) -> Option<Node> {
         "begin with `title:`, `body:`, `materials:`, `solver:`",
     ));
     None
+}
+
+/// The names that sets may be called by; `None` if a file may bring more.
+fn set_names(tree: &Node) -> Option<Vec<String>> {
+    let mut names = vec!["all".to_string()];
+    names.extend(
+        tree.get("sets")
+            .map_or(&[] as &[Entry], Node::entries)
+            .iter()
+            .map(|entry| entry.key.clone()),
+    );
+    if let Some(Content::List(sources)) = tree
+        .get("body")
+        .and_then(|body| body.get("points"))
+        .map(|points| &points.content)
+    {
+        for entry in sources.iter().flat_map(Node::entries) {
+            if entry.key == "file" {
+                return None;
+            }
+            names.extend(
+                entry
+                    .value
+                    .get("block")
+                    .and_then(Node::as_scalar)
+                    .map(|block| block.text.clone()),
+            );
+        }
+    }
+    Some(names)
+}
+
+/// The dimension of space, needed before the body is read; its faults are told when the body is.
+fn space_dimension(tree: &Node, cx: &mut Context) -> Option<usize> {
+    let before = cx.issues.len();
+    let dimension = tree
+        .get("body")
+        .and_then(|body| body.get("dimension"))
+        .and_then(|node| Count::decode(node, cx));
+    cx.issues.truncate(before);
+    dimension
+        .map(|count| count.value as usize)
+        .filter(|dimension| (1..=3).contains(dimension))
 }
 
 fn read_override(
@@ -449,19 +516,14 @@ fn choose_run(tree: &Node, run: Option<&str>, parameters: &mut [Entry], issues: 
 }
 
 /// Replaces `${name}` in the parameters, each by those before it, and in all other sections.
-fn replace_all(
-    tree: &mut Node,
-    parameters: &mut [Entry],
-    sources: &Sources,
-    issues: &mut Vec<Issue>,
-) {
+fn replace_all(tree: &mut Node, parameters: &mut [Entry], replacing: &mut Replacing) {
     for index in 0..parameters.len() {
         let (before, rest) = parameters.split_at_mut(index);
         let Some((own, after)) = rest.split_first_mut() else {
             break;
         };
         let find = |name: &str| find_parameter(name, before, after);
-        own.value.replace(&find, sources, issues);
+        own.value.replace(&find, replacing);
     }
     let find = |name: &str| find_parameter(name, parameters, &[]);
     let Content::Map(sections) = &mut tree.content else {
@@ -474,12 +536,12 @@ fn replace_all(
                 for run in runs {
                     if let Content::Map(parts) = &mut run.value.content {
                         for part in parts.iter_mut().filter(|part| part.key != "set") {
-                            part.value.replace(&find, sources, issues);
+                            part.value.replace(&find, replacing);
                         }
                     }
                 }
             }
-            _ => section.value.replace(&find, sources, issues),
+            _ => section.value.replace(&find, replacing),
         }
     }
 }

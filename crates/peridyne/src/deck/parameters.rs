@@ -3,6 +3,7 @@ use super::decode::Context;
 use super::expression::{Scope, is_reserved};
 use super::quantity::{ANY, Compiled, compile};
 use super::report::{Issue, suggest};
+use super::source::Span;
 use super::tree::{Content, Entry, Node};
 use super::units::Dimension;
 
@@ -32,6 +33,8 @@ pub enum ParameterValue {
     Number(f64, Option<Dimension>),
     /// A text; the string says why it is not a number.
     Text(String),
+    /// Its fault has been told; no parameter of a deck that was read without faults is so.
+    Faulty,
 }
 
 impl Parameters {
@@ -46,7 +49,7 @@ impl Parameters {
             .iter()
             .filter_map(|parameter| match parameter.value {
                 ParameterValue::Number(value, _) => Some((parameter.name.as_str(), value)),
-                ParameterValue::Text(_) => None,
+                ParameterValue::Text(_) | ParameterValue::Faulty => None,
             })
     }
 
@@ -62,6 +65,8 @@ impl Scope for Parameters {
             return Some(match &parameter.value {
                 ParameterValue::Number(value, _) => Ok(*value),
                 ParameterValue::Text(why) => Err(why.clone()),
+                // Told where it is defined: an empty reason keeps its uses silent.
+                ParameterValue::Faulty => Err(String::new()),
             });
         }
         self.later
@@ -95,15 +100,23 @@ pub(crate) fn apply(parameters: &mut [Entry], changes: &[Entry], issues: &mut Ve
 }
 
 /// Reads the values of all parameters, each of which may use those before it.
-pub(crate) fn evaluate(entries: &[Entry], cx: &mut Context) {
+///
+/// Those at a place in `broken` are faulty already, without being told again.
+pub(crate) fn evaluate(entries: &[Entry], broken: &[Span], cx: &mut Context) {
     cx.parameters = Parameters {
         all: Vec::new(),
         later: entries.iter().map(|entry| entry.key.clone()).collect(),
     };
     for entry in entries {
         cx.parameters.later.retain(|later| *later != entry.key);
-        check_name(entry, cx);
-        let value = value(&entry.value, cx);
+        if !check_name(entry, cx) {
+            continue;
+        }
+        let value = if broken.contains(&entry.value.span) {
+            ParameterValue::Faulty
+        } else {
+            value(&entry.value, cx)
+        };
         cx.parameters.all.push(Parameter {
             name: entry.key.clone(),
             value,
@@ -112,7 +125,7 @@ pub(crate) fn evaluate(entries: &[Entry], cx: &mut Context) {
     }
 }
 
-fn check_name(entry: &Entry, cx: &mut Context) {
+fn check_name(entry: &Entry, cx: &mut Context) -> bool {
     let name = &entry.key;
     if is_reserved(name) {
         let message = format!("`{name}` already has a meaning in expressions");
@@ -130,7 +143,10 @@ fn check_name(entry: &Entry, cx: &mut Context) {
             message,
             "use letters, digits and `_`, and begin with a letter",
         ));
+    } else {
+        return true;
     }
+    false
 }
 
 fn value(node: &Node, cx: &mut Context) -> ParameterValue {
@@ -143,7 +159,7 @@ fn value(node: &Node, cx: &mut Context) -> ParameterValue {
             "the parameter has no value",
             "write a number, an expression or a text",
         ));
-        return ParameterValue::Text("it has no value".into());
+        return ParameterValue::Faulty;
     }
     let before = cx.issues.len();
     match compile(node, &ANY, &[], cx) {
@@ -159,7 +175,7 @@ fn value(node: &Node, cx: &mut Context) -> ParameterValue {
                     format!("{} is {value}", node.shown()),
                     "every parameter must be finite",
                 ));
-                ParameterValue::Text("it is not finite".into())
+                ParameterValue::Faulty
             }
             None => ParameterValue::Text("it depends on a variable".into()),
         },
@@ -176,6 +192,11 @@ fn value(node: &Node, cx: &mut Context) -> ParameterValue {
                 || why.contains("is not a number: it");
             if meant {
                 cx.issues.extend(faults);
+                return ParameterValue::Faulty;
+            }
+            if faults.is_empty() {
+                // It rests on a parameter that is faulty.
+                return ParameterValue::Faulty;
             }
             ParameterValue::Text(why)
         }

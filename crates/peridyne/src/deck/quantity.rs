@@ -210,7 +210,7 @@ pub(crate) fn compile(
                     .get(text.trim())
                     .and_then(|parameter| match parameter.value {
                         ParameterValue::Number(_, dimension) => dimension,
-                        ParameterValue::Text(_) => None,
+                        ParameterValue::Text(_) | ParameterValue::Faulty => None,
                     });
             if let (Some(found), Some(expected)) = (dimension, measure.dimension)
                 && found != expected
@@ -231,7 +231,7 @@ pub(crate) fn compile(
             })
         }
         Err(errors) => {
-            for error in errors {
+            for error in errors.into_iter().filter(|error| !error.message.is_empty()) {
                 let span = cx.within(node, error.range);
                 cx.issues.push(Issue::new(span, error.message, error.help));
             }

@@ -58,8 +58,7 @@ impl DeckErrors {
     pub(crate) fn new(mut issues: Vec<Issue>, sources: &Sources) -> Self {
         issues.sort_by_key(|issue| (issue.span.source, issue.span.start));
         issues.dedup();
-        let texts: Vec<Option<Arc<str>>> = Vec::new();
-        let mut texts = texts;
+        let mut texts: Vec<Option<Arc<str>>> = Vec::new();
         let mut faults = Vec::with_capacity(issues.len());
         for issue in issues {
             let index = issue.span.source as usize;
@@ -200,39 +199,52 @@ impl miette::Diagnostic for DeckErrors {
     }
 }
 
-/// The name of `known` nearest to `name`, if one is near enough to be what was meant.
-pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+/// The names of `known` nearest to `name`, all equally near; empty if none is near enough to be what was meant.
+fn nearest_all<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let lower = name.to_lowercase();
-    known
-        .into_iter()
-        .map(|candidate| {
-            (
-                strsim::damerau_levenshtein(&lower, &candidate.to_lowercase()),
-                candidate,
-            )
-        })
-        .filter(|(distance, candidate)| {
-            *distance <= (candidate.chars().count().max(name.chars().count()) / 3).max(1)
-        })
-        .filter(|(distance, candidate)| *distance < candidate.chars().count().max(2))
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, candidate)| candidate)
+    let length = name.chars().count();
+    let mut best = usize::MAX;
+    let mut names = Vec::new();
+    for candidate in known {
+        let distance = strsim::damerau_levenshtein(&lower, &candidate.to_lowercase());
+        let longer = candidate.chars().count().max(length);
+        // A third of the letters may differ; two single letters have nothing in common.
+        if distance > (longer / 3).max(1) || distance >= longer || distance > best {
+            continue;
+        }
+        if distance < best {
+            names.clear();
+            best = distance;
+        }
+        if !names.contains(&candidate) {
+            names.push(candidate);
+        }
+    }
+    names
 }
 
-/// `did you mean …?` if a name is near, else the list of all that is known.
+/// The name of `known` nearest to `name`, if one is near enough to be what was meant.
+pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    nearest_all(name, known).first().copied()
+}
+
+/// `did you mean …?` if names are near, else the list of all that is known.
 pub(crate) fn suggest<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
-    match nearest(name, known.clone()) {
-        Some(near) => format!("did you mean `{near}`?"),
-        None => {
-            let all: Vec<String> = known
-                .into_iter()
-                .map(|known| format!("`{known}`"))
-                .collect();
-            if all.is_empty() {
-                String::new()
-            } else {
-                format!("known are {}", all.join(", "))
-            }
-        }
+    let quoted = |name: &str| format!("`{name}`");
+    let near = nearest_all(name, known.clone());
+    if !near.is_empty() {
+        return format!(
+            "did you mean {}?",
+            near.into_iter()
+                .map(quoted)
+                .collect::<Vec<_>>()
+                .join(" or ")
+        );
+    }
+    let all: Vec<String> = known.into_iter().map(quoted).collect();
+    if all.is_empty() {
+        String::new()
+    } else {
+        format!("known are {}", all.join(", "))
     }
 }

@@ -10,6 +10,8 @@ use std::collections::HashMap;
 
 /// More nodes than any deck needs; bounds what aliases of aliases can grow to.
 const MOST_NODES: usize = 200_000;
+/// Most nodes and characters that `${…}` may put into a deck.
+const MOST_PLACED: usize = 1_000_000;
 /// Deepest nesting, bounded so that walking the tree cannot exhaust the call stack.
 const DEEPEST: usize = 64;
 
@@ -189,39 +191,75 @@ impl Node {
     }
 
     /// Replaces every `${name}` in keys and values by what `find` gives for the name.
-    pub fn replace(
-        &mut self,
-        find: &dyn Fn(&str) -> Result<Node, Replace>,
-        sources: &Sources,
-        issues: &mut Vec<Issue>,
-    ) {
+    pub fn replace(&mut self, find: &Find, into: &mut Replacing) {
         let span = self.span;
+        let before = into.issues.len();
         match &mut self.content {
             Content::Scalar(scalar) => {
                 if let Some(whole) = lone_name(&scalar.text)
                     && !scalar.quoted
                 {
                     match find(whole) {
-                        Ok(node) => *self = node.placed_at(span),
-                        Err(fault) => issues.push(fault.issue(whole, span, &scalar.text, sources)),
+                        Ok(node) => {
+                            let (size, depth) = node.size_and_depth();
+                            if into.fits(size, depth, span) {
+                                *self = node.placed_at(span);
+                            }
+                        }
+                        Err(fault) => into.note(fault, whole, span, &scalar.text),
                     }
                 } else if scalar.text.contains("${") {
-                    scalar.text = replace_in(&scalar.text, span, find, sources, issues);
+                    scalar.text = replace_in(&scalar.text, span, find, into);
                     scalar.replaced = true;
                 }
+                if into.issues.len() > before {
+                    into.broken.push(span);
+                }
             }
-            Content::List(items) => items
-                .iter_mut()
-                .for_each(|item| item.replace(find, sources, issues)),
+            Content::List(items) => items.iter_mut().for_each(|item| item.replace(find, into)),
             Content::Map(entries) => {
                 for entry in entries {
                     if entry.key.contains("${") {
-                        entry.key = replace_in(&entry.key, entry.key_span, find, sources, issues);
+                        entry.key = replace_in(&entry.key, entry.key_span, find, into);
                     }
-                    entry.value.replace(find, sources, issues);
+                    entry.value.replace(find, into);
                 }
             }
         }
+    }
+}
+
+/// Finds what `${name}` stands for.
+pub(crate) type Find<'a> = dyn Fn(&str) -> Result<Node, Replace> + 'a;
+
+/// What replacing needs, and what it leaves.
+pub(crate) struct Replacing<'a> {
+    pub sources: &'a Sources,
+    pub issues: &'a mut Vec<Issue>,
+    /// Scalars in which something could not be replaced: what they say further on is no fault of its own.
+    pub broken: Vec<Span>,
+    /// Nodes and characters put in so far, bounded because parameters may repeat parameters.
+    pub placed: usize,
+}
+
+impl Replacing<'_> {
+    fn fits(&mut self, size: usize, depth: usize, span: Span) -> bool {
+        self.placed = self.placed.saturating_add(size);
+        let fits = self.placed <= MOST_PLACED && depth < DEEPEST / 2;
+        if !fits {
+            let issue = Issue::new(
+                span,
+                "parameters in parameters make the deck too large",
+                "write the value out",
+            );
+            self.issues.push(issue);
+        }
+        fits
+    }
+
+    fn note(&mut self, fault: Replace, name: &str, span: Span, text: &str) {
+        let issue = fault.issue(name, span, text, self.sources);
+        self.issues.push(issue);
     }
 }
 
@@ -260,20 +298,15 @@ fn is_name(text: &str) -> bool {
         && text.chars().all(|c| c.is_alphanumeric() || c == '_')
 }
 
-fn replace_in(
-    text: &str,
-    span: Span,
-    find: &dyn Fn(&str) -> Result<Node, Replace>,
-    sources: &Sources,
-    issues: &mut Vec<Issue>,
-) -> String {
+fn replace_in(text: &str, span: Span, find: &Find, into: &mut Replacing) -> String {
     let mut result = String::new();
     let mut rest = text;
     while let Some(start) = rest.find("${") {
         result.push_str(&rest[..start]);
         rest = &rest[start + 2..];
         let Some(end) = rest.find('}') else {
-            issues.push(Issue::new(span, "`${` has no `}`", "write `${name}`"));
+            let issue = Issue::new(span, "`${` has no `}`", "write `${name}`");
+            into.issues.push(issue);
             return result;
         };
         let name = &rest[..end];
@@ -287,13 +320,17 @@ fn replace_in(
             })
         };
         match found.map(|node| node.as_scalar().map(|scalar| scalar.text.clone())) {
-            Ok(Some(value)) => result.push_str(&value),
-            Ok(None) => issues.push(Issue::new(
+            Ok(Some(value)) => {
+                if into.fits(value.len(), 0, span) {
+                    result.push_str(&value);
+                }
+            }
+            Ok(None) => into.issues.push(Issue::new(
                 span,
                 format!("parameter `{name}` is a list or a map, which cannot stand inside a text"),
                 "let `${…}` be the whole value",
             )),
-            Err(fault) => issues.push(fault.issue(name, span, text, sources)),
+            Err(fault) => into.note(fault, name, span, text),
         }
     }
     result.push_str(rest);

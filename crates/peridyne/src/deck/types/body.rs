@@ -101,7 +101,7 @@ section! {
 
 section! {
     /// A row of points (1D).
-    pub struct Line as "a line" {
+    pub struct Line as "a line" check check_line {
         /// First end.
         from: Quantity<Length>,
         /// Second end.
@@ -155,7 +155,7 @@ section! {
 
 section! {
     /// A cylinder or tube (3D).
-    pub struct Cylinder as "a cylinder" {
+    pub struct Cylinder as "a cylinder" check check_cylinder {
         /// One end of the axis.
         from: [Quantity<Length>; 3],
         /// The other end of the axis.
@@ -172,7 +172,7 @@ section! {
 
 section! {
     /// A sphere or spherical shell (3D).
-    pub struct Sphere as "a sphere" {
+    pub struct Sphere as "a sphere" check check_sphere {
         /// Centre.
         center: [Quantity<Length>; 3],
         /// Radius.
@@ -230,7 +230,7 @@ section! {
 
 section! {
     /// A box with faces along the axes.
-    pub struct Bounds as "a box" {
+    pub struct Bounds as "a box" check check_bounds {
         /// Corner with the smallest coordinates.
         from: Position,
         /// Corner with the largest coordinates.
@@ -339,6 +339,10 @@ fn check_order(from: &[Quantity<Length>], to: &[Quantity<Length>], cx: &mut Cont
     }
 }
 
+fn check_bounds(bounds: &Bounds, cx: &mut Context) {
+    check_order(&bounds.from.coordinates, &bounds.to.coordinates, cx);
+}
+
 fn check_rectangle(rectangle: &Rectangle, cx: &mut Context) {
     check_order(&rectangle.from, &rectangle.to, cx);
 }
@@ -347,20 +351,39 @@ fn check_cuboid(cuboid: &Cuboid, cx: &mut Context) {
     check_order(&cuboid.from, &cuboid.to, cx);
 }
 
+fn check_line(line: &Line, cx: &mut Context) {
+    check_order(&[line.from], &[line.to], cx);
+}
+
+fn check_radii(inner: Option<Quantity<Length>>, radius: Quantity<Length>, cx: &mut Context) {
+    if let Some(inner) = inner.filter(|inner| inner.value >= radius.value) {
+        let message = format!("`inner_radius` must be below `radius` = {}", radius.value);
+        cx.fault(inner.span, message, "exchange the two, or correct one");
+    }
+}
+
 fn check_disc(disc: &Disc, cx: &mut Context) {
-    if let Some(inner) = disc
-        .inner_radius
-        .filter(|inner| inner.value >= disc.radius.value)
+    check_radii(disc.inner_radius, disc.radius, cx);
+}
+
+fn check_cylinder(cylinder: &Cylinder, cx: &mut Context) {
+    check_radii(cylinder.inner_radius, cylinder.radius, cx);
+    if cylinder
+        .from
+        .iter()
+        .zip(&cylinder.to)
+        .all(|(from, to)| from.value == to.value)
     {
         cx.fault(
-            inner.span,
-            format!(
-                "`inner_radius` must be below `radius` = {}",
-                disc.radius.value
-            ),
-            "exchange the two, or correct one",
+            cylinder.to[0].span,
+            "the axis of the cylinder has no length",
+            "let `to` differ from `from`",
         );
     }
+}
+
+fn check_sphere(sphere: &Sphere, cx: &mut Context) {
+    check_radii(sphere.inner_radius, sphere.radius, cx);
 }
 
 fn check_body(body: &Body, cx: &mut Context) {

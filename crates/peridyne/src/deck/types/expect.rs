@@ -1,6 +1,6 @@
 //! `expect` and `verify`: what a deck says about its own result.
 use super::output::{FieldComponent, Moment};
-use crate::deck::decode::{Context, Decode, Position, Text, choice, section};
+use crate::deck::decode::{Context, Decode, Position, SetName, Text, choice, section};
 use crate::deck::quantity::{Any, Number, Quantity, Time, TimeField};
 use crate::deck::tree::{Content, Node};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -17,7 +17,7 @@ section! {
         /// Position at which `field` is measured (a list), or time at which `quantity` is (a number).
         at: Option<At>,
         /// Set over which `field` is reduced.
-        over: Option<Text>,
+        over: Option<SetName>,
         /// How `field` is reduced over the set.
         reduce: Option<Reduction>,
         /// Deviation of a field from an expression.
@@ -77,7 +77,7 @@ section! {
         /// How deviations are summed up.
         norm: Norm = "l2",
         /// The set of points.
-        over: Text = "all",
+        over: SetName = "all",
     }
 }
 
@@ -99,7 +99,7 @@ pub enum Measured<'a> {
     /// A field at a position.
     FieldAt(&'a FieldComponent, &'a Position),
     /// A field reduced over a set.
-    FieldOver(&'a FieldComponent, &'a Text, &'a Reduction),
+    FieldOver(&'a FieldComponent, &'a SetName, &'a Reduction),
     /// Deviation of a field from an expression.
     Error(&'a FieldError),
     /// Arithmetic over scalar quantities.

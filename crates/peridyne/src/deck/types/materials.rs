@@ -1,5 +1,5 @@
 //! `materials`: models, their constants, and damage.
-use crate::deck::decode::{Context, Decode, Text, choice, section};
+use crate::deck::decode::{Context, Decode, SetName, choice, section};
 use crate::deck::quantity::{
     Angle, Any, BondRatio, Density, EnergyPerArea, Expansion, Field, Number, Pressure, Quantity,
     SpaceField, Stretch, Time,
@@ -11,7 +11,7 @@ section! {
     /// A material and the points made of it.
     pub struct Material as "a material" {
         /// The set of points of this material.
-        points: Text = "all",
+        points: SetName = "all",
         /// Mass density; required for dynamics.
         density: Option<SpaceField<Density>> where POSITIVE,
         /// The material model.
@@ -311,6 +311,7 @@ choice! {
 /// Thermal expansion: one value, or one along each material axis.
 #[derive(Debug, Clone, serde::Serialize)]
 #[serde(untagged)]
+#[allow(clippy::large_enum_variant)]
 pub enum ThermalExpansion {
     /// The same in all directions.
     Isotropic(SpaceField<Expansion>),
@@ -332,7 +333,7 @@ section! {
         /// Which crack energy the strength is matched to.
         calibration: Calibration = "family",
         /// Bonds with an end in this set never break.
-        no_damage: Option<Text>,
+        no_damage: Option<SetName>,
     }
 }
 
@@ -458,7 +459,7 @@ fn check_bond_expression(law: &BondExpression, cx: &mut Context) {
 }
 
 /// The elastic constants that are given, by name.
-fn given<'a>(constants: [(&'a str, bool); 4]) -> Vec<&'a str> {
+fn given(constants: [(&str, bool); 4]) -> Vec<&str> {
     constants
         .into_iter()
         .filter(|(_, given)| *given)

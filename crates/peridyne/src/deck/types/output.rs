@@ -178,6 +178,8 @@ impl JsonSchema for FieldComponent {
                 parameters: Default::default(),
                 sources: Default::default(),
                 issues: Vec::new(),
+                set_names: None,
+                dimension: None,
             };
             if let Some(field) = FieldName::decode(&Node::scalar(*name, span), &mut cx) {
                 match field.components() {
