@@ -20,6 +20,10 @@ pub(crate) struct Context {
     pub parameters: Parameters,
     pub sources: Sources,
     pub issues: Vec<Issue>,
+    /// The names that sets may be called by; `None` if a file may bring more.
+    pub set_names: Option<Vec<String>>,
+    /// The dimension of space, unless it is at fault.
+    pub dimension: Option<usize>,
 }
 
 impl Context {
@@ -29,13 +33,19 @@ impl Context {
 
     /// The place of `range` of the text of the scalar `node`; the whole node where the text is not as in the file.
     pub fn within(&self, node: &Node, range: Range<usize>) -> Span {
-        let Some(scalar) = node.as_scalar().filter(|scalar| !scalar.replaced) else { return node.span };
+        let Some(scalar) = node.as_scalar().filter(|scalar| !scalar.replaced) else {
+            return node.span;
+        };
         let written = self.sources.slice(node.span);
         match written.find(&scalar.text) {
             Some(lead) => {
                 let start = node.span.start + (lead + range.start) as u32;
                 let end = node.span.start + (lead + range.end) as u32;
-                Span { start: start.min(node.span.end), end: end.max(start).min(node.span.end), ..node.span }
+                Span {
+                    start: start.min(node.span.end),
+                    end: end.max(start).min(node.span.end),
+                    ..node.span
+                }
             }
             None => node.span,
         }
@@ -51,6 +61,11 @@ pub(crate) trait Decode: Sized {
     fn absent() -> Option<Self> {
         None
     }
+
+    /// Whether every key of a section may be left out, so that the name of a variant can stand alone.
+    fn needs_nothing() -> bool {
+        false
+    }
 }
 
 /// The keys of a map that is being read.
@@ -65,25 +80,53 @@ pub(crate) struct Entries<'n> {
 impl<'n> Entries<'n> {
     pub fn open(node: &'n Node, what: &'static str, cx: &mut Context) -> Option<Self> {
         match &node.content {
-            Content::Map(entries) => Some(Self { entries, known: Vec::new(), span: node.span, what }),
-            _ if node.is_null() => Some(Self { entries: &[], known: Vec::new(), span: node.span, what }),
+            Content::Map(entries) => Some(Self {
+                entries,
+                known: Vec::new(),
+                span: node.span,
+                what,
+            }),
+            _ if node.is_null() => Some(Self {
+                entries: &[],
+                known: Vec::new(),
+                span: node.span,
+                what,
+            }),
             _ => {
-                cx.fault(node.span, format!("a map of keys is needed here, but {} was found", node.shown()), "write `key: value` in the lines below, or `{key: value}`");
+                cx.fault(
+                    node.span,
+                    format!(
+                        "a map of keys is needed here, but {} was found",
+                        node.shown()
+                    ),
+                    "write `key: value` in the lines below, or `{key: value}`",
+                );
                 None
             }
         }
     }
 
     /// Reads `key`; the default, given as deck text, if it is absent.
-    pub fn read<T: Decode>(&mut self, key: &'static str, default: Option<&str>, cx: &mut Context) -> Option<T> {
+    pub fn read<T: Decode>(
+        &mut self,
+        key: &'static str,
+        default: Option<&str>,
+        cx: &mut Context,
+    ) -> Option<T> {
         self.known.push(key);
         let entry = self.entries.iter().find(|entry| entry.key == key);
         let optional = T::absent();
         match entry {
-            Some(entry) if !(entry.value.is_null() && (optional.is_some() || default.is_some())) => {
+            Some(entry)
+                if !(entry.value.is_null() && (optional.is_some() || default.is_some())) =>
+            {
                 let node = &entry.value;
                 if node.is_null() {
-                    cx.fault(entry.key_span, format!("`{key}` has no value"), "write a value after the `:`");
+                    cx.fault(
+                        entry.key_span,
+                        format!("`{key}` has no value"),
+                        "write a value after the `:`",
+                    );
                     return None;
                 }
                 T::decode(node, cx)
@@ -92,7 +135,11 @@ impl<'n> Entries<'n> {
             _ => match default {
                 Some(text) => T::decode(&super::tree::fragment(text, self.span), cx),
                 None => {
-                    cx.fault(first_line(self.span, &cx.sources), format!("`{key}` is missing in {}", self.what), format!("add `{key}: …`"));
+                    cx.fault(
+                        first_line(self.span, &cx.sources),
+                        format!("`{key}` is missing in {}", self.what),
+                        format!("add `{key}: …`"),
+                    );
                     None
                 }
             },
@@ -101,9 +148,17 @@ impl<'n> Entries<'n> {
 
     /// Notes all keys that were not read.
     pub fn close(self, cx: &mut Context) {
-        for entry in self.entries.iter().filter(|entry| !self.known.contains(&entry.key.as_str())) {
+        for entry in self
+            .entries
+            .iter()
+            .filter(|entry| !self.known.contains(&entry.key.as_str()))
+        {
             let message = format!("`{}` is not a key of {}", entry.key, self.what);
-            cx.fault(entry.key_span, message, suggest(&entry.key, self.known.iter().copied()));
+            cx.fault(
+                entry.key_span,
+                message,
+                suggest(&entry.key, self.known.iter().copied()),
+            );
         }
     }
 }
@@ -111,7 +166,10 @@ impl<'n> Entries<'n> {
 /// The part of `span` in its first line: a fault of a whole block is shown at its beginning.
 fn first_line(span: Span, sources: &Sources) -> Span {
     let length = sources.slice(span).lines().next().map_or(0, str::len) as u32;
-    Span { end: span.start + length, ..span }
+    Span {
+        end: span.start + length,
+        ..span
+    }
 }
 
 /// The name of the one variant a node chooses, and its settings.
@@ -122,14 +180,34 @@ pub(crate) struct Chosen<'n> {
 }
 
 /// Reads `name` or `{name: settings}`.
-pub(crate) fn chosen<'n>(node: &'n Node, what: &str, names: &[&'static str], cx: &mut Context) -> Option<Chosen<'n>> {
-    let list = || format!("choose one of {}", names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "));
+pub(crate) fn chosen<'n>(
+    node: &'n Node,
+    what: &str,
+    names: &[&'static str],
+    cx: &mut Context,
+) -> Option<Chosen<'n>> {
+    let list = || {
+        format!(
+            "choose one of {}",
+            names
+                .iter()
+                .map(|name| format!("`{name}`"))
+                .collect::<Vec<_>>()
+                .join(", ")
+        )
+    };
     match &node.content {
-        Content::Scalar(scalar) if !node.is_null() => {
-            Some(Chosen { name: &scalar.text, span: node.span, settings: None })
-        }
+        Content::Scalar(scalar) if !node.is_null() => Some(Chosen {
+            name: &scalar.text,
+            span: node.span,
+            settings: None,
+        }),
         Content::Map(entries) => match entries.as_slice() {
-            [entry] => Some(Chosen { name: &entry.key, span: entry.key_span, settings: Some(&entry.value) }),
+            [entry] => Some(Chosen {
+                name: &entry.key,
+                span: entry.key_span,
+                settings: Some(&entry.value),
+            }),
             [] => {
                 cx.fault(node.span, format!("{what} is empty"), list());
                 None
@@ -137,8 +215,20 @@ pub(crate) fn chosen<'n>(node: &'n Node, what: &str, names: &[&'static str], cx:
             [first, rest @ ..] => {
                 let known = |entry: &&Entry| names.contains(&entry.key.as_str());
                 let (span, message) = match rest.iter().find(known) {
-                    Some(second) => (second.key_span, format!("{what} is one kind, but both `{}` and `{}` are given", first.key, second.key)),
-                    None => (rest[0].key_span, format!("{what} has one key, but `{}` follows `{}`", rest[0].key, first.key)),
+                    Some(second) => (
+                        second.key_span,
+                        format!(
+                            "{what} is one kind, but both `{}` and `{}` are given",
+                            first.key, second.key
+                        ),
+                    ),
+                    None => (
+                        rest[0].key_span,
+                        format!(
+                            "{what} has one key, but `{}` follows `{}`",
+                            rest[0].key, first.key
+                        ),
+                    ),
                 };
                 let help = "keep one; in a list begin each with `-`, and indent the settings of one below its name";
                 cx.fault(span, message, help);
@@ -146,7 +236,11 @@ pub(crate) fn chosen<'n>(node: &'n Node, what: &str, names: &[&'static str], cx:
             }
         },
         _ => {
-            cx.fault(node.span, format!("{what} is needed here, but {} was found", node.shown()), list());
+            cx.fault(
+                node.span,
+                format!("{what} is needed here, but {} was found", node.shown()),
+                list(),
+            );
             None
         }
     }
@@ -154,11 +248,21 @@ pub(crate) fn chosen<'n>(node: &'n Node, what: &str, names: &[&'static str], cx:
 
 /// Joins the lines of a doc comment.
 pub(crate) fn description(lines: &[&str]) -> String {
-    lines.iter().map(|line| line.trim()).collect::<Vec<_>>().join("\n").trim().replace('\n', " ")
+    lines
+        .iter()
+        .map(|line| line.trim())
+        .collect::<Vec<_>>()
+        .join("\n")
+        .trim()
+        .replace('\n', " ")
 }
 
 /// One property of a schema: the schema of its type, with what the key means and its default.
-pub(crate) fn property<T: JsonSchema>(generator: &mut SchemaGenerator, docs: &[&str], default: Option<&str>) -> Schema {
+pub(crate) fn property<T: JsonSchema>(
+    generator: &mut SchemaGenerator,
+    docs: &[&str],
+    default: Option<&str>,
+) -> Schema {
     let mut schema = generator.subschema_for::<T>();
     let mut text = description(docs);
     if let Some(default) = default.filter(|default| !matches!(*default, "{}" | "[]")) {
@@ -207,6 +311,16 @@ macro_rules! section {
                 let section = Self::from_entries(&mut entries, cx);
                 entries.close(cx);
                 section
+            }
+
+            fn needs_nothing() -> bool {
+                let mut free = true;
+                $(
+                    let default: Option<&str> = $crate::deck::decode::default_text!($($default)?);
+                    free &= default.is_some() || <$type as $crate::deck::decode::Decode>::absent().is_some();
+                )*
+                $($( free &= <$inner_type as $crate::deck::decode::Decode>::needs_nothing(); )*)?
+                free
             }
         }
 
@@ -265,6 +379,8 @@ macro_rules! choice {
         }
     ) => {
         $(#[doc = $doc])*
+        // A deck holds few of them; boxes would only be in the way of who reads it.
+        #[allow(clippy::large_enum_variant)]
         #[derive(Debug, Clone, serde::Serialize)]
         pub enum $name {
             $( $(#[doc = $variant_doc])* #[serde(rename = $key)] $variant $(($settings))?, )*
@@ -335,7 +451,7 @@ macro_rules! choice {
     };
     (@schema $all:ident, $generator:ident, $key:literal, $docs:expr, $settings:ty) => {
         let settings = $crate::deck::decode::property::<$settings>($generator, $docs, None);
-        if $crate::deck::decode::all_optional::<$settings>($generator) {
+        if <$settings as $crate::deck::decode::Decode>::needs_nothing() {
             $all.push(serde_json::json!({"const": $key, "description": $crate::deck::decode::description($docs)}));
         }
         $all.push(serde_json::json!({
@@ -349,15 +465,6 @@ macro_rules! choice {
 }
 pub(crate) use choice;
 
-/// Whether the settings `T` may be left out altogether.
-pub(crate) fn all_optional<T: JsonSchema>(_: &mut SchemaGenerator) -> bool {
-    // A generator of its own: asking must not add to the definitions of the schema under construction.
-    let mut own = SchemaGenerator::default();
-    let schema = T::json_schema(&mut own);
-    schema.get("type").and_then(|kind| kind.as_str()) == Some("object")
-        && schema.get("required").and_then(|required| required.as_array()).is_some_and(Vec::is_empty)
-}
-
 /// The key of a field: raw identifiers without their mark.
 pub(crate) fn plain(field: &'static str) -> &'static str {
     field.strip_prefix("r#").unwrap_or(field)
@@ -370,12 +477,30 @@ pub(crate) struct Bound {
     holds: fn(f64) -> bool,
 }
 
-pub(crate) const POSITIVE: Bound = Bound { text: "positive", holds: |value| value > 0.0 };
-pub(crate) const NOT_NEGATIVE: Bound = Bound { text: "zero or positive", holds: |value| value >= 0.0 };
-pub(crate) const FRACTION: Bound = Bound { text: "positive and at most 1", holds: |value| value > 0.0 && value <= 1.0 };
-pub(crate) const BELOW_HALF: Bound = Bound { text: "at least 0 and below 0.5", holds: |value| (0.0..0.5).contains(&value) };
-pub(crate) const POISSON: Bound = Bound { text: "above -1 and at most 0.5", holds: |value| value > -1.0 && value <= 0.5 };
-pub(crate) const DIMENSION: Bound = Bound { text: "1, 2 or 3", holds: |value| (1.0..=3.0).contains(&value) };
+pub(crate) const POSITIVE: Bound = Bound {
+    text: "positive",
+    holds: |value| value > 0.0,
+};
+pub(crate) const NOT_NEGATIVE: Bound = Bound {
+    text: "zero or positive",
+    holds: |value| value >= 0.0,
+};
+pub(crate) const FRACTION: Bound = Bound {
+    text: "positive and at most 1",
+    holds: |value| value > 0.0 && value <= 1.0,
+};
+pub(crate) const BELOW_HALF: Bound = Bound {
+    text: "at least 0 and below 0.5",
+    holds: |value| (0.0..0.5).contains(&value),
+};
+pub(crate) const POISSON: Bound = Bound {
+    text: "above -1 and at most 0.5",
+    holds: |value| value > -1.0 && value <= 0.5,
+};
+pub(crate) const DIMENSION: Bound = Bound {
+    text: "1, 2 or 3",
+    holds: |value| (1.0..=3.0).contains(&value),
+};
 
 /// Has numbers whose range can be checked.
 pub(crate) trait Numbers {
@@ -428,8 +553,16 @@ pub(crate) fn check_bound<T: Numbers>(value: &T, bound: &Bound, cx: &mut Context
     });
     for (span, number) in faults {
         let written = cx.sources.slice(span).to_string();
-        let shown = if written.parse::<f64>() == Ok(number) || written.is_empty() { format!("{number}") } else { format!("`{written}` = {number}") };
-        cx.fault(span, format!("the value must be {}, but is {shown}", bound.text), "");
+        let shown = if written.parse::<f64>() == Ok(number) || written.is_empty() {
+            format!("{number}")
+        } else {
+            format!("`{written}` = {number}")
+        };
+        cx.fault(
+            span,
+            format!("the value must be {}, but is {shown}", bound.text),
+            "",
+        );
     }
 }
 
@@ -470,12 +603,61 @@ impl<T: JsonSchema> JsonSchema for Spanned<T> {
     }
 }
 
+/// The name of a set of points that exists: `all`, a block of points, or an entry of `sets`.
+///
+/// Where points come from a file, the blocks it brings are only known once it is read; then any name passes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SetName {
+    /// The name.
+    pub value: String,
+    /// Where it was typed.
+    pub span: Span,
+}
+
+impl Decode for SetName {
+    fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
+        let value = String::decode(node, cx)?;
+        if let Some(known) = cx
+            .set_names
+            .as_ref()
+            .filter(|known| !known.contains(&value))
+        {
+            let help = suggest(&value, known.iter().map(String::as_str));
+            cx.fault(node.span, format!("there is no set `{value}`"), help);
+            return None;
+        }
+        Some(Self {
+            value,
+            span: node.span,
+        })
+    }
+}
+
+impl Serialize for SetName {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.value)
+    }
+}
+
+impl JsonSchema for SetName {
+    fn schema_name() -> Cow<'static, str> {
+        "SetName".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({"description": "`all`, a block of points, or a name under `sets`.", "type": "string"})
+    }
+}
+
 /// A text: a name, a title, a path.
 pub type Text = Spanned<String>;
 
 impl<T: Decode> Decode for Spanned<T> {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
-        T::decode(node, cx).map(|value| Self { value, span: node.span })
+        T::decode(node, cx).map(|value| Self {
+            value,
+            span: node.span,
+        })
     }
 }
 
@@ -483,7 +665,11 @@ impl Decode for String {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
         let text = node.as_scalar().map(|scalar| scalar.text.clone());
         if text.is_none() {
-            cx.fault(node.span, format!("a text is needed here, but {} was found", node.shown()), "write one word or a text in quotes");
+            cx.fault(
+                node.span,
+                format!("a text is needed here, but {} was found", node.shown()),
+                "write one word or a text in quotes",
+            );
         }
         text
     }
@@ -495,7 +681,11 @@ impl Decode for bool {
             Some("true") => Some(true),
             Some("false") => Some(false),
             _ => {
-                cx.fault(node.span, format!("{} is neither `true` nor `false`", node.shown()), "write `true` or `false`");
+                cx.fault(
+                    node.span,
+                    format!("{} is neither `true` nor `false`", node.shown()),
+                    "write `true` or `false`",
+                );
                 None
             }
         }
@@ -521,7 +711,11 @@ impl<T: Decode> Decode for Option<T> {
 impl<T: Decode> Decode for Vec<T> {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
         let Content::List(items) = &node.content else {
-            cx.fault(node.span, format!("a list is needed here, but {} was found", node.shown()), "write `[a, b]`, or one item per line after `- `");
+            cx.fault(
+                node.span,
+                format!("a list is needed here, but {} was found", node.shown()),
+                "write `[a, b]`, or one item per line after `- `",
+            );
             return None;
         };
         // All items are read before any failure counts, so that each can report its own.
@@ -533,11 +727,25 @@ impl<T: Decode> Decode for Vec<T> {
 impl<T: Decode, const N: usize> Decode for [T; N] {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
         let Content::List(items) = &node.content else {
-            cx.fault(node.span, format!("a list of {N} values is needed here, but {} was found", node.shown()), format!("write `[{}]`", vec!["…"; N].join(", ")));
+            cx.fault(
+                node.span,
+                format!(
+                    "a list of {N} values is needed here, but {} was found",
+                    node.shown()
+                ),
+                format!("write `[{}]`", vec!["…"; N].join(", ")),
+            );
             return None;
         };
         if items.len() != N {
-            cx.fault(node.span, format!("a list of {N} values is needed here, but it has {}", items.len()), format!("write `[{}]`", vec!["…"; N].join(", ")));
+            cx.fault(
+                node.span,
+                format!(
+                    "a list of {N} values is needed here, but it has {}",
+                    items.len()
+                ),
+                format!("write `[{}]`", vec!["…"; N].join(", ")),
+            );
             return None;
         }
         Vec::decode(node, cx)?.try_into().ok()
@@ -597,7 +805,9 @@ impl<T> Dictionary<T> {
 
     /// The value called `name`.
     pub fn get(&self, name: &str) -> Option<&T> {
-        self.iter().find(|(key, _)| key.value == name).map(|(_, value)| value)
+        self.iter()
+            .find(|(key, _)| key.value == name)
+            .map(|(_, value)| value)
     }
 
     /// How many there are.
@@ -619,10 +829,22 @@ impl<T: Decode> Decode for Dictionary<T> {
             .iter()
             .map(|entry| {
                 if entry.value.is_null() {
-                    cx.fault(entry.key_span, format!("`{}` has no value", entry.key), "write a value after the `:`");
+                    cx.fault(
+                        entry.key_span,
+                        format!("`{}` has no value", entry.key),
+                        "write a value after the `:`",
+                    );
                     return None;
                 }
-                T::decode(&entry.value, cx).map(|value| (Spanned { value: entry.key.clone(), span: entry.key_span }, value))
+                T::decode(&entry.value, cx).map(|value| {
+                    (
+                        Spanned {
+                            value: entry.key.clone(),
+                            span: entry.key_span,
+                        },
+                        value,
+                    )
+                })
             })
             .collect();
         all.into_iter().collect::<Option<Vec<_>>>().map(Self)
@@ -680,10 +902,35 @@ impl Decode for Position {
             _ => Vec::decode(node, cx)?,
         };
         if !(1..=3).contains(&coordinates.len()) {
-            cx.fault(node.span, format!("a position has 1 to 3 coordinates, not {}", coordinates.len()), "write `[x, y]` in 2D, `[x, y, z]` in 3D");
+            cx.fault(
+                node.span,
+                format!(
+                    "a position has 1 to 3 coordinates, not {}",
+                    coordinates.len()
+                ),
+                "write `[x, y]` in 2D, `[x, y, z]` in 3D",
+            );
             return None;
         }
-        Some(Self { coordinates, span: node.span })
+        if let Some(dimension) = cx
+            .dimension
+            .filter(|dimension| *dimension != coordinates.len())
+        {
+            let message = format!(
+                "the position has {} coordinates, but the body has dimension {dimension}",
+                coordinates.len()
+            );
+            cx.fault(
+                node.span,
+                message,
+                format!("write `[{}]`", ["x", "x, y", "x, y, z"][dimension - 1]),
+            );
+            return None;
+        }
+        Some(Self {
+            coordinates,
+            span: node.span,
+        })
     }
 }
 

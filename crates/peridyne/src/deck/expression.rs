@@ -11,6 +11,8 @@ use std::sync::Arc;
 
 /// How many values the stack of a program holds.
 const STACK: usize = 48;
+/// How many values nearly all programs need at most.
+const SHALLOW: usize = 8;
 /// Longer texts are refused, so that reading them cannot exhaust the call stack.
 const LONGEST: usize = 4096;
 /// How deep parentheses, functions, signs and conditions may nest.
@@ -24,7 +26,15 @@ type Two = fn(f64, f64) -> f64;
 
 const FUNCTIONS: &[(&str, One)] = &[
     ("abs", f64::abs),
-    ("sign", |v| if v > 0.0 { 1.0 } else if v < 0.0 { -1.0 } else { v }),
+    ("sign", |v| {
+        if v > 0.0 {
+            1.0
+        } else if v < 0.0 {
+            -1.0
+        } else {
+            v
+        }
+    }),
     // Heaviside's step: 0 before, 1 from zero on.
     ("step", |v| if v >= 0.0 { 1.0 } else { v * 0.0 }),
     ("sqrt", f64::sqrt),
@@ -78,16 +88,22 @@ fn truth(value: bool) -> f64 {
 
 /// Whether `name` means something in every expression, so that no parameter may be called so.
 pub fn is_reserved(name: &str) -> bool {
-    matches!(name, "x" | "y" | "z" | "t") || KEYWORDS.contains(&name) || CONSTANTS.iter().any(|c| c.0 == name) || is_function(name)
+    matches!(name, "x" | "y" | "z" | "t")
+        || KEYWORDS.contains(&name)
+        || CONSTANTS.iter().any(|c| c.0 == name)
+        || is_function(name)
 }
 
 fn is_function(name: &str) -> bool {
-    FUNCTIONS.iter().any(|f| f.0 == name) || FUNCTIONS_OF_TWO.iter().any(|f| f.0 == name) || name == "where"
+    FUNCTIONS.iter().any(|f| f.0 == name)
+        || FUNCTIONS_OF_TWO.iter().any(|f| f.0 == name)
+        || name == "where"
 }
 
 /// What an expression can look up: the variables of its key and the parameters of the deck.
 pub trait Scope {
-    /// The value of parameter `name`; `Some(Err(why))` if it exists but is not a number.
+    /// The value of parameter `name`; `Some(Err(why))` if it exists but is not a number. An empty reason means that
+    /// the fault has been told elsewhere: the error of the expression then has an empty message.
     fn parameter(&self, name: &str) -> Option<Result<f64, String>>;
     /// The names of all numeric parameters, for suggestions.
     fn parameters(&self) -> Vec<&str>;
@@ -113,6 +129,7 @@ pub struct Expr {
     constant: Option<f64>,
     uses: [bool; 4],
     truth: bool,
+    shallow: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -141,7 +158,13 @@ impl fmt::Debug for Expr {
 impl Expr {
     /// The expression that is `value` everywhere.
     pub fn of(value: f64) -> Self {
-        Self { program: [Op::Push(value)].into(), constant: Some(value), uses: [false; 4], truth: false }
+        Self {
+            program: [Op::Push(value)].into(),
+            constant: Some(value),
+            uses: [false; 4],
+            truth: false,
+            shallow: true,
+        }
     }
 
     /// Piecewise linear interpolation in variable `of` (0 to 2: coordinate, 3: time) through `rows` of abscissa and
@@ -149,15 +172,32 @@ impl Expr {
     pub fn table(rows: &[[f64; 2]], of: usize) -> Self {
         let mut uses = [false; 4];
         uses[of.min(3)] = true;
-        Self { program: [Op::Load(of.min(3)), Op::Table(rows.into())].into(), constant: None, uses, truth: false }
+        Self {
+            program: [Op::Load(of.min(3)), Op::Table(rows.into())].into(),
+            constant: None,
+            uses,
+            truth: false,
+            shallow: true,
+        }
     }
 
     /// Reads `text`; `variables` lists the allowed variables and their slots (0 to 2: coordinate, 3: time).
     ///
     /// # Errors
     /// All unknown names, or the first place where the text is not an expression.
-    pub fn parse(text: &str, variables: &[(&str, usize)], scope: &dyn Scope) -> Result<Self, Vec<ExpressionError>> {
-        let mut parser = Parser { text, at: 0, depth: 0, variables, scope, errors: Vec::new() };
+    pub fn parse(
+        text: &str,
+        variables: &[(&str, usize)],
+        scope: &dyn Scope,
+    ) -> Result<Self, Vec<ExpressionError>> {
+        let mut parser = Parser {
+            text,
+            at: 0,
+            depth: 0,
+            variables,
+            scope,
+            errors: Vec::new(),
+        };
         let tree = match parser.whole() {
             Ok(tree) => tree,
             Err(error) => {
@@ -179,10 +219,19 @@ impl Expr {
                 help: "name a part of it as a parameter, or write it with fewer parentheses".into(),
             }]);
         }
-        let mut expression = Self { program: program.into(), constant: None, uses, truth };
+        let mut expression = Self {
+            program: program.into(),
+            constant: None,
+            uses,
+            truth,
+            shallow: depth <= SHALLOW,
+        };
         if uses == [false; 4] {
             let value = expression.eval([0.0; 3], 0.0);
-            expression = Self { truth, ..Self::of(value) };
+            expression = Self {
+                truth,
+                ..Self::of(value)
+            };
         }
         Ok(expression)
     }
@@ -192,12 +241,14 @@ impl Expr {
     pub fn eval(&self, p: [f64; 3], t: f64) -> f64 {
         match self.constant {
             Some(value) => value,
-            None => self.run([p[0], p[1], p[2], t]),
+            // Clearing the stack costs more than running a short program on it.
+            None if self.shallow => self.run::<SHALLOW>([p[0], p[1], p[2], t]),
+            None => self.run::<STACK>([p[0], p[1], p[2], t]),
         }
     }
 
-    fn run(&self, variables: [f64; 4]) -> f64 {
-        let mut stack = [0.0; STACK];
+    fn run<const N: usize>(&self, variables: [f64; 4]) -> f64 {
+        let mut stack = [0.0; N];
         let mut top = 0usize;
         for op in self.program.iter() {
             let (a, b) = (top.wrapping_sub(2), top.wrapping_sub(1));
@@ -234,7 +285,11 @@ impl Expr {
                 }
                 Op::Select => {
                     // condition, then, else
-                    stack[top - 3] = if stack[top - 3] != 0.0 { stack[a] } else { stack[b] };
+                    stack[top - 3] = if stack[top - 3] != 0.0 {
+                        stack[a]
+                    } else {
+                        stack[b]
+                    };
                     top -= 2;
                 }
             }
@@ -264,7 +319,9 @@ impl Expr {
 }
 
 fn interpolate(rows: &[[f64; 2]], x: f64) -> f64 {
-    let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return 0.0 };
+    let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
+        return 0.0;
+    };
     if x.is_nan() {
         return x;
     }
@@ -401,8 +458,17 @@ impl<'a> Parser<'a> {
         self.at += rest.len() - rest.trim_start().len();
     }
 
-    fn wrong(&self, range: Range<usize>, message: impl Into<String>, help: impl Into<String>) -> ExpressionError {
-        ExpressionError { range, message: message.into(), help: help.into() }
+    fn wrong(
+        &self,
+        range: Range<usize>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) -> ExpressionError {
+        ExpressionError {
+            range,
+            message: message.into(),
+            help: help.into(),
+        }
     }
 
     /// What stands here, for messages.
@@ -423,7 +489,9 @@ impl<'a> Parser<'a> {
         if !rest.starts_with(|c: char| c.is_alphabetic() || c == '_') {
             return None;
         }
-        let end = rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
+        let end = rest
+            .find(|c: char| !(c.is_alphanumeric() || c == '_'))
+            .unwrap_or(rest.len());
         Some(&rest[..end])
     }
 
@@ -457,7 +525,11 @@ impl<'a> Parser<'a> {
     fn whole(&mut self) -> Parsed {
         if self.text.len() > LONGEST {
             let message = format!("the expression is longer than {LONGEST} characters");
-            return Err(self.wrong(0..self.text.len(), message, "name parts of it as parameters, or use a table"));
+            return Err(self.wrong(
+                0..self.text.len(),
+                message,
+                "name parts of it as parameters, or use a table",
+            ));
         }
         let tree = self.conditional()?;
         self.skip();
@@ -480,7 +552,10 @@ impl<'a> Parser<'a> {
             return Ok(());
         }
         let range = start..self.text[..self.at].trim_end().len().max(start);
-        let message = format!("`{}` is a number, but a condition is needed here", self.text[range.clone()].trim());
+        let message = format!(
+            "`{}` is a number, but a condition is needed here",
+            self.text[range.clone()].trim()
+        );
         Err(self.wrong(range, message, "write a comparison, such as `x < 0`"))
     }
 
@@ -496,18 +571,26 @@ impl<'a> Parser<'a> {
         self.condition(start, &condition)?;
         if !self.accept(&["else"]) {
             let (range, found) = self.here();
-            return Err(self.wrong(range, format!("`else` is expected before {found}"), "write `1.0 if x < 0 else 2.0`"));
+            return Err(self.wrong(
+                range,
+                format!("`else` is expected before {found}"),
+                "write `1.0 if x < 0 else 2.0`",
+            ));
         }
         let no = self.nested(Self::conditional)?;
         Ok(Tree::select(condition, yes, no))
     }
 
     fn disjunction(&mut self) -> Parsed {
-        self.logic(&["or", "||"], Self::conjunction, |a, b| truth(a != 0.0 || b != 0.0))
+        self.logic(&["or", "||"], Self::conjunction, |a, b| {
+            truth(a != 0.0 || b != 0.0)
+        })
     }
 
     fn conjunction(&mut self) -> Parsed {
-        self.logic(&["and", "&&"], Self::negation, |a, b| truth(a != 0.0 && b != 0.0))
+        self.logic(&["and", "&&"], Self::negation, |a, b| {
+            truth(a != 0.0 && b != 0.0)
+        })
     }
 
     fn logic(&mut self, symbols: &[&str], part: fn(&mut Self) -> Parsed, function: Two) -> Parsed {
@@ -528,7 +611,8 @@ impl<'a> Parser<'a> {
 
     fn negation(&mut self) -> Parsed {
         self.skip();
-        let not = self.word() == Some("not") || self.rest().starts_with('!') && !self.rest().starts_with("!=");
+        let not = self.word() == Some("not")
+            || self.rest().starts_with('!') && !self.rest().starts_with("!=");
         if !not {
             return self.comparison();
         }
@@ -537,7 +621,11 @@ impl<'a> Parser<'a> {
         let start = self.at;
         let part = self.nested(Self::negation)?;
         self.condition(start, &part)?;
-        Ok(Tree::two(Operator::Logic(|a, b| truth(a == b)), part, Tree::Number(0.0)))
+        Ok(Tree::two(
+            Operator::Logic(|a, b| truth(a == b)),
+            part,
+            Tree::Number(0.0),
+        ))
     }
 
     fn comparison(&mut self) -> Parsed {
@@ -556,7 +644,11 @@ impl<'a> Parser<'a> {
             let pair = Tree::two(Operator::Logic(*function), left, right.clone());
             all = Some(match all {
                 None => pair,
-                Some(before) => Tree::two(Operator::Logic(|a, b| truth(a != 0.0 && b != 0.0)), before, pair),
+                Some(before) => Tree::two(
+                    Operator::Logic(|a, b| truth(a != 0.0 && b != 0.0)),
+                    before,
+                    pair,
+                ),
             });
             left = right;
         }
@@ -608,7 +700,11 @@ impl<'a> Parser<'a> {
         let base = self.atom()?;
         if self.accept(&["^", "**"]) {
             let exponent = self.nested(Self::signed)?;
-            return Ok(Tree::two(Operator::Arithmetic(Op::Two(power)), base, exponent));
+            return Ok(Tree::two(
+                Operator::Arithmetic(Op::Two(power)),
+                base,
+                exponent,
+            ));
         }
         Ok(base)
     }
@@ -621,19 +717,30 @@ impl<'a> Parser<'a> {
             self.close(start)?;
             return Ok(inner);
         }
-        if self.rest().starts_with(|c: char| c.is_ascii_digit() || c == '.') {
+        if self
+            .rest()
+            .starts_with(|c: char| c.is_ascii_digit() || c == '.')
+        {
             return self.number();
         }
         match self.word() {
             None => {
                 let (range, found) = self.here();
-                let help = if self.text.trim().is_empty() { "write a number or an expression" } else { "a number, a name or `(` is expected here" };
+                let help = if self.text.trim().is_empty() {
+                    "write a number or an expression"
+                } else {
+                    "a number, a name or `(` is expected here"
+                };
                 Err(self.wrong(range, format!("{found} is not expected here"), help))
             }
             Some(word) => {
                 self.at += word.len();
                 self.skip();
-                if self.rest().starts_with('(') { self.call(word, start) } else { self.name(word, start) }
+                if self.rest().starts_with('(') {
+                    self.call(word, start)
+                } else {
+                    self.name(word, start)
+                }
             }
         }
     }
@@ -646,7 +753,11 @@ impl<'a> Parser<'a> {
         if found == "the end" {
             return Err(self.wrong(open..open + 1, "this `(` is not closed", "add a `)`"));
         }
-        Err(self.wrong(range, format!("{found} is not expected here"), "an operator, `,` or `)` is expected here"))
+        Err(self.wrong(
+            range,
+            format!("{found} is not expected here"),
+            "an operator, `,` or `)` is expected here",
+        ))
     }
 
     fn number(&mut self) -> Parsed {
@@ -657,12 +768,19 @@ impl<'a> Parser<'a> {
                 self.at += length;
                 if let Some(word) = self.word() {
                     let message = format!("`{}{word}` is not a number", &self.text[range.clone()]);
-                    let help = format!("write a product as `{}*{word}`; a unit may only follow a single number, as in `0.5 mm`", &self.text[range.clone()]);
+                    let help = format!(
+                        "write a product as `{}*{word}`; a unit may only follow a single number, as in `0.5 mm`",
+                        &self.text[range.clone()]
+                    );
                     return Err(self.wrong(range.start..self.at + word.len(), message, help));
                 }
                 Ok(Tree::Number(value))
             }
-            Err(_) => Err(self.wrong(range, "this is not a number", "write for example `0.5` or `1e-3`")),
+            Err(_) => Err(self.wrong(
+                range,
+                "this is not a number",
+                "write for example `0.5` or `1e-3`",
+            )),
         }
     }
 
@@ -672,7 +790,8 @@ impl<'a> Parser<'a> {
         if let Some((_, slot)) = self.variables.iter().find(|variable| variable.0 == name) {
             if parameter.is_some() {
                 let message = format!("`{name}` is both the variable of this key and a parameter");
-                self.errors.push(self.wrong(range, message, "give the parameter another name"));
+                self.errors
+                    .push(self.wrong(range, message, "give the parameter another name"));
             }
             return Ok(Tree::Variable(*slot));
         }
@@ -681,7 +800,11 @@ impl<'a> Parser<'a> {
                 Ok(value) => Ok(Tree::Number(value)),
                 Err(why) => {
                     let help = "give the parameter a number, or use its text with `${…}`";
-                    self.errors.push(self.wrong(range, format!("parameter `{name}` is not a number: {why}"), help));
+                    let message = match why.as_str() {
+                        "" => String::new(),
+                        why => format!("parameter `{name}` is not a number: {why}"),
+                    };
+                    self.errors.push(self.wrong(range, message, help));
                     Ok(Tree::Number(f64::NAN))
                 }
             };
@@ -695,22 +818,44 @@ impl<'a> Parser<'a> {
             _ => {}
         }
         let (message, help) = if KEYWORDS.contains(&name) {
-            return Err(self.wrong(range, format!("`{name}` is not expected here"), "write `1.0 if x < 0 else 2.0`, `a and not b`"));
+            return Err(self.wrong(
+                range,
+                format!("`{name}` is not expected here"),
+                "write `1.0 if x < 0 else 2.0`, `a and not b`",
+            ));
         } else if is_function(name) {
-            (format!("function `{name}` has no argument"), format!("write `{name}(…)`"))
+            (
+                format!("function `{name}` has no argument"),
+                format!("write `{name}(…)`"),
+            )
         } else if matches!(name, "x" | "y" | "z" | "t") {
-            let allowed: Vec<String> = self.variables.iter().map(|variable| format!("`{}`", variable.0)).collect();
+            let allowed: Vec<String> = self
+                .variables
+                .iter()
+                .map(|variable| format!("`{}`", variable.0))
+                .collect();
             let help = if allowed.is_empty() {
                 "this value is one number: only parameters may occur in it".into()
             } else {
-                format!("this value may depend on {} and parameters only", allowed.join(", "))
+                format!(
+                    "this value may depend on {} and parameters only",
+                    allowed.join(", ")
+                )
             };
             (format!("`{name}` cannot be used here"), help)
         } else {
             let parameters = self.scope.parameters();
-            let known = self.variables.iter().map(|variable| variable.0).chain(parameters).chain(["pi"]);
+            let known = self
+                .variables
+                .iter()
+                .map(|variable| variable.0)
+                .chain(parameters)
+                .chain(["pi"]);
             let known: Vec<&str> = known.collect();
-            (format!("`{name}` is neither a variable nor a parameter"), super::report::suggest(name, known))
+            (
+                format!("`{name}` is neither a variable nor a parameter"),
+                super::report::suggest(name, known),
+            )
         };
         self.errors.push(self.wrong(range, message, help));
         // `true` and a number at once, so that one unknown name gives one message.
@@ -738,27 +883,51 @@ impl<'a> Parser<'a> {
         self.close(open)?;
         let count = arguments.len();
         let wants = |many: &str| {
-            self.wrong(start..self.at, format!("`{name}` takes {many}, not {count}"), format!("write for example `{}`", example(name)))
+            self.wrong(
+                start..self.at,
+                format!("`{name}` takes {many}, not {count}"),
+                format!("write for example `{}`", example(name)),
+            )
         };
         if name == "where" {
-            let Ok([condition, yes, no]) = <[Tree; 3]>::try_from(arguments) else { return Err(wants("three arguments")) };
+            let Ok([condition, yes, no]) = <[Tree; 3]>::try_from(arguments) else {
+                return Err(wants("three arguments"));
+            };
             return Ok(Tree::select(condition, yes, no));
         }
         if let Some((_, function)) = FUNCTIONS.iter().find(|function| function.0 == name) {
-            let Ok([argument]) = <[Tree; 1]>::try_from(arguments) else { return Err(wants("one argument")) };
+            let Ok([argument]) = <[Tree; 1]>::try_from(arguments) else {
+                return Err(wants("one argument"));
+            };
             return Ok(Tree::one(*function, argument));
         }
-        if let Some((_, function, more)) = FUNCTIONS_OF_TWO.iter().find(|function| function.0 == name) {
+        if let Some((_, function, more)) =
+            FUNCTIONS_OF_TWO.iter().find(|function| function.0 == name)
+        {
             if count < 2 || count > 2 && !more {
-                return Err(wants(if *more { "two or more arguments" } else { "two arguments" }));
+                return Err(wants(if *more {
+                    "two or more arguments"
+                } else {
+                    "two arguments"
+                }));
             }
             let mut arguments = arguments.into_iter();
             let first = arguments.next().unwrap_or(Tree::Number(f64::NAN));
-            return Ok(arguments.fold(first, |a, b| Tree::two(Operator::Arithmetic(Op::Two(*function)), a, b)));
+            return Ok(arguments.fold(first, |a, b| {
+                Tree::two(Operator::Arithmetic(Op::Two(*function)), a, b)
+            }));
         }
-        let known = FUNCTIONS.iter().map(|f| f.0).chain(FUNCTIONS_OF_TWO.iter().map(|f| f.0)).chain(["where"]);
+        let known = FUNCTIONS
+            .iter()
+            .map(|f| f.0)
+            .chain(FUNCTIONS_OF_TWO.iter().map(|f| f.0))
+            .chain(["where"]);
         let known: Vec<&str> = known.collect();
-        self.errors.push(self.wrong(range, format!("`{name}` is not a known function"), super::report::suggest(name, known)));
+        self.errors.push(self.wrong(
+            range,
+            format!("`{name}` is not a known function"),
+            super::report::suggest(name, known),
+        ));
         Ok(Tree::Truth(f64::NAN))
     }
 }
@@ -777,7 +946,12 @@ fn example(name: &str) -> &'static str {
 /// How many bytes of `text` are an unsigned decimal number.
 pub(crate) fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
-    let digits = |from: usize| from + bytes[from..].iter().take_while(|b| b.is_ascii_digit()).count();
+    let digits = |from: usize| {
+        from + bytes[from..]
+            .iter()
+            .take_while(|b| b.is_ascii_digit())
+            .count()
+    };
     let mut end = digits(0);
     let mut any = end > 0;
     if bytes.get(end) == Some(&b'.') {
@@ -816,7 +990,9 @@ mod tests {
     const XYZT: [(&str, usize); 4] = [("x", 0), ("y", 1), ("z", 2), ("t", 3)];
 
     fn at(text: &str, p: [f64; 3], t: f64) -> f64 {
-        Expr::parse(text, &XYZT, &Names(&[("L", 8.0), ("m", 3.0)])).unwrap_or_else(|e| panic!("{text}: {e:?}")).eval(p, t)
+        Expr::parse(text, &XYZT, &Names(&[("L", 8.0), ("m", 3.0)]))
+            .unwrap_or_else(|e| panic!("{text}: {e:?}"))
+            .eval(p, t)
     }
 
     #[test]
@@ -845,7 +1021,10 @@ mod tests {
             ("x*t", 8.0),
         ] {
             let value = at(text, p, 4.0);
-            assert!((value - expected).abs() <= 4e-16 * expected.abs(), "{text}: {value} instead of {expected}");
+            assert!(
+                (value - expected).abs() <= 4e-16 * expected.abs(),
+                "{text}: {value} instead of {expected}"
+            );
         }
     }
 
@@ -873,7 +1052,12 @@ mod tests {
     #[test]
     fn constants_are_folded_and_uses_known() {
         let names = Names(&[("L", 8.0)]);
-        assert_eq!(Expr::parse("2*L + sin(0)", &XYZT, &names).unwrap().constant(), Some(16.0));
+        assert_eq!(
+            Expr::parse("2*L + sin(0)", &XYZT, &names)
+                .unwrap()
+                .constant(),
+            Some(16.0)
+        );
         let moving = Expr::parse("L*sin(t)*y", &XYZT, &names).unwrap();
         assert_eq!(moving.constant(), None);
         assert!(moving.depends_on_time() && moving.depends_on(1) && !moving.depends_on(0));
@@ -883,7 +1067,14 @@ mod tests {
     #[test]
     fn tables_interpolate_and_stay_constant_outside() {
         let ramp = Expr::table(&[[0.0, 0.0], [1e-5, 2.0], [2e-5, 2.0]], 3);
-        for (t, expected) in [(-1.0, 0.0), (0.0, 0.0), (2.5e-6, 0.5), (1e-5, 2.0), (1.5e-5, 2.0), (9.0, 2.0)] {
+        for (t, expected) in [
+            (-1.0, 0.0),
+            (0.0, 0.0),
+            (2.5e-6, 0.5),
+            (1e-5, 2.0),
+            (1.5e-5, 2.0),
+            (9.0, 2.0),
+        ] {
             assert!((ramp.eval([0.0; 3], t) - expected).abs() < 1e-15, "{t}");
         }
     }
@@ -916,8 +1107,39 @@ mod tests {
     #[test]
     fn hostile_texts_are_refused() {
         let names = Names(&[]);
-        for text in ["(".repeat(4000), "-".repeat(4000), "1+".repeat(4000), format!("{}x{}", "(x+".repeat(60), ")".repeat(60)), "2^".repeat(2000), "not ".repeat(1000)] {
+        for text in [
+            "(".repeat(4000),
+            "-".repeat(4000),
+            "1+".repeat(4000),
+            format!("{}x{}", "(x+".repeat(60), ")".repeat(60)),
+            "2^".repeat(2000),
+            "not ".repeat(1000),
+        ] {
             assert!(Expr::parse(&text, &XYZT, &names).is_err());
+        }
+    }
+
+    /// `cargo test --release -p peridyne speed -- --ignored --nocapture`
+    #[test]
+    #[ignore = "prints times"]
+    fn speed() {
+        let names = Names(&[("L", 8.0)]);
+        for text in [
+            "x*sin(2*pi*t)",
+            "2*x + y",
+            "1.0 if x < 0 else 2.0",
+            "x > -0.5*L and x < 0.5*L",
+        ] {
+            let expression = Expr::parse(text, &XYZT, &names).unwrap();
+            let start = std::time::Instant::now();
+            let mut sum = 0.0;
+            for k in 0..1_000_000 {
+                sum += expression.eval([f64::from(k) * 1e-6, 0.5, 0.0], 0.3);
+            }
+            println!(
+                "{text}: {:.0} ns ({sum})",
+                start.elapsed().as_secs_f64() * 1e3
+            );
         }
     }
 }

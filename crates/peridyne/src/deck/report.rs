@@ -19,7 +19,12 @@ pub struct Issue {
 impl Issue {
     /// A fault at `span`: what is wrong, and what would be right.
     pub fn new(span: Span, message: impl Into<String>, help: impl Into<String>) -> Self {
-        Self { span, path: String::new(), message: message.into(), help: help.into() }
+        Self {
+            span,
+            path: String::new(),
+            message: message.into(),
+            help: help.into(),
+        }
     }
 }
 
@@ -53,8 +58,7 @@ impl DeckErrors {
     pub(crate) fn new(mut issues: Vec<Issue>, sources: &Sources) -> Self {
         issues.sort_by_key(|issue| (issue.span.source, issue.span.start));
         issues.dedup();
-        let texts: Vec<Option<Arc<str>>> = Vec::new();
-        let mut texts = texts;
+        let mut texts: Vec<Option<Arc<str>>> = Vec::new();
         let mut faults = Vec::with_capacity(issues.len());
         for issue in issues {
             let index = issue.span.source as usize;
@@ -62,11 +66,23 @@ impl DeckErrors {
                 texts.resize(index + 1, None);
             }
             let text = texts[index]
-                .get_or_insert_with(|| sources.get(issue.span).map_or("".into(), |source| source.text.as_str().into()))
+                .get_or_insert_with(|| {
+                    sources
+                        .get(issue.span)
+                        .map_or("".into(), |source| source.text.as_str().into())
+                })
                 .clone();
-            let file = sources.get(issue.span).map_or_else(|| sources.path.display().to_string(), |source| source.name.clone());
+            let file = sources.get(issue.span).map_or_else(
+                || sources.path.display().to_string(),
+                |source| source.name.clone(),
+            );
             let (line, column) = sources.line_column(issue.span);
-            let first_line = sources.slice(issue.span).lines().next().unwrap_or("").trim_end();
+            let first_line = sources
+                .slice(issue.span)
+                .lines()
+                .next()
+                .unwrap_or("")
+                .trim_end();
             faults.push(Fault {
                 snippet: sources.line(issue.span).to_string(),
                 width: first_line.chars().count().max(1),
@@ -85,7 +101,17 @@ impl DeckErrors {
         let file = path.display().to_string();
         let text = miette::NamedSource::new(&file, Arc::from(""));
         let issue = Issue::new(Span::default(), message, help);
-        Self { faults: vec![Fault { issue, file, line: 0, column: 0, text, snippet: String::new(), width: 0 }] }
+        Self {
+            faults: vec![Fault {
+                issue,
+                file,
+                line: 0,
+                column: 0,
+                text,
+                snippet: String::new(),
+                width: 0,
+            }],
+        }
     }
 
     /// The faults, in the order of the text.
@@ -122,8 +148,12 @@ impl fmt::Display for Fault {
             let number = self.line.to_string();
             let margin = " ".repeat(number.len());
             // Tabs are kept, so that the marks stand under the text on any terminal.
-            let lead: String =
-                self.snippet.chars().take(self.column - 1).map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
+            let lead: String = self
+                .snippet
+                .chars()
+                .take(self.column - 1)
+                .map(|c| if c == '\t' { '\t' } else { ' ' })
+                .collect();
             write!(f, "\n {number} | {}", self.snippet.trim_end())?;
             write!(f, "\n {margin} | {lead}{}", "^".repeat(self.width))?;
         }
@@ -152,35 +182,69 @@ impl miette::Diagnostic for Fault {
         }
         let span = self.issue.span;
         let range = span.start as usize..span.end.max(span.start) as usize;
-        Some(Box::new(std::iter::once(miette::LabeledSpan::at(range, &self.issue.message))))
+        Some(Box::new(std::iter::once(miette::LabeledSpan::at(
+            range,
+            &self.issue.message,
+        ))))
     }
 }
 
 impl miette::Diagnostic for DeckErrors {
     fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn miette::Diagnostic> + 'a>> {
-        Some(Box::new(self.faults.iter().map(|fault| fault as &dyn miette::Diagnostic)))
+        Some(Box::new(
+            self.faults
+                .iter()
+                .map(|fault| fault as &dyn miette::Diagnostic),
+        ))
     }
+}
+
+/// The names of `known` nearest to `name`, all equally near; empty if none is near enough to be what was meant.
+fn nearest_all<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
+    let lower = name.to_lowercase();
+    let length = name.chars().count();
+    let mut best = usize::MAX;
+    let mut names = Vec::new();
+    for candidate in known {
+        let distance = strsim::damerau_levenshtein(&lower, &candidate.to_lowercase());
+        let longer = candidate.chars().count().max(length);
+        // A third of the letters may differ; two single letters have nothing in common.
+        if distance > (longer / 3).max(1) || distance >= longer || distance > best {
+            continue;
+        }
+        if distance < best {
+            names.clear();
+            best = distance;
+        }
+        if !names.contains(&candidate) {
+            names.push(candidate);
+        }
+    }
+    names
 }
 
 /// The name of `known` nearest to `name`, if one is near enough to be what was meant.
 pub(crate) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let lower = name.to_lowercase();
-    known
-        .into_iter()
-        .map(|candidate| (strsim::damerau_levenshtein(&lower, &candidate.to_lowercase()), candidate))
-        .filter(|(distance, candidate)| *distance <= (candidate.chars().count().max(name.chars().count()) / 3).max(1))
-        .filter(|(distance, candidate)| *distance < candidate.chars().count().max(2))
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, candidate)| candidate)
+    nearest_all(name, known).first().copied()
 }
 
-/// `did you mean …?` if a name is near, else the list of all that is known.
+/// `did you mean …?` if names are near, else the list of all that is known.
 pub(crate) fn suggest<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
-    match nearest(name, known.clone()) {
-        Some(near) => format!("did you mean `{near}`?"),
-        None => {
-            let all: Vec<String> = known.into_iter().map(|known| format!("`{known}`")).collect();
-            if all.is_empty() { String::new() } else { format!("known are {}", all.join(", ")) }
-        }
+    let quoted = |name: &str| format!("`{name}`");
+    let near = nearest_all(name, known.clone());
+    if !near.is_empty() {
+        return format!(
+            "did you mean {}?",
+            near.into_iter()
+                .map(quoted)
+                .collect::<Vec<_>>()
+                .join(" or ")
+        );
+    }
+    let all: Vec<String> = known.into_iter().map(quoted).collect();
+    if all.is_empty() {
+        String::new()
+    } else {
+        format!("known are {}", all.join(", "))
     }
 }

@@ -1,5 +1,5 @@
 //! Where a text comes from, and which line and column a place in it has.
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A range of bytes of one source text; what every value of a deck remembers, so that later checks can point at it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
@@ -30,6 +30,13 @@ pub struct Sources {
 }
 
 impl Sources {
+    pub(crate) fn new(path: &Path) -> Self {
+        Self {
+            texts: Vec::new(),
+            path: path.into(),
+        }
+    }
+
     pub(crate) fn add(&mut self, name: String, text: String) -> u32 {
         self.texts.push(Source { name, text });
         (self.texts.len() - 1) as u32
@@ -42,7 +49,9 @@ impl Sources {
 
     /// The text that `span` covers.
     pub fn slice(&self, span: Span) -> &str {
-        self.get(span).and_then(|source| source.text.get(span.start as usize..span.end as usize)).unwrap_or("")
+        self.get(span)
+            .and_then(|source| source.text.get(span.start as usize..span.end as usize))
+            .unwrap_or("")
     }
 
     /// Line and column of the start of `span`, both from 1, columns in characters.
@@ -61,6 +70,8 @@ impl Sources {
     /// The line of text in which `span` starts.
     pub fn line(&self, span: Span) -> &str {
         let (line, _) = self.line_column(span);
-        self.get(span).and_then(|source| source.text.lines().nth(line - 1)).unwrap_or("")
+        self.get(span)
+            .and_then(|source| source.text.lines().nth(line - 1))
+            .unwrap_or("")
     }
 }

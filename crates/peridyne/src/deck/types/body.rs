@@ -101,7 +101,7 @@ section! {
 
 section! {
     /// A row of points (1D).
-    pub struct Line as "a line" {
+    pub struct Line as "a line" check check_line {
         /// First end.
         from: Quantity<Length>,
         /// Second end.
@@ -155,7 +155,7 @@ section! {
 
 section! {
     /// A cylinder or tube (3D).
-    pub struct Cylinder as "a cylinder" {
+    pub struct Cylinder as "a cylinder" check check_cylinder {
         /// One end of the axis.
         from: [Quantity<Length>; 3],
         /// The other end of the axis.
@@ -172,7 +172,7 @@ section! {
 
 section! {
     /// A sphere or spherical shell (3D).
-    pub struct Sphere as "a sphere" {
+    pub struct Sphere as "a sphere" check check_sphere {
         /// Centre.
         center: [Quantity<Length>; 3],
         /// Radius.
@@ -230,7 +230,7 @@ section! {
 
 section! {
     /// A box with faces along the axes.
-    pub struct Bounds as "a box" {
+    pub struct Bounds as "a box" check check_bounds {
         /// Corner with the smallest coordinates.
         from: Position,
         /// Corner with the largest coordinates.
@@ -302,7 +302,9 @@ mod region {
     impl Decode for Region {
         fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
             match &node.content {
-                Content::Map(_) if node.get("table").is_none() => Shape::decode(node, cx).map(Region::Shape),
+                Content::Map(_) if node.get("table").is_none() => {
+                    Shape::decode(node, cx).map(Region::Shape)
+                }
                 _ => Field::decode(node, cx).map(Region::Where),
             }
         }
@@ -325,9 +327,20 @@ mod region {
 fn check_order(from: &[Quantity<Length>], to: &[Quantity<Length>], cx: &mut Context) {
     for (low, high) in from.iter().zip(to) {
         if low.value >= high.value {
-            cx.fault(high.span, format!("`to` must be larger than `from`, but {} is not above {}", high.value, low.value), "exchange the two, or correct one");
+            cx.fault(
+                high.span,
+                format!(
+                    "`to` must be larger than `from`, but {} is not above {}",
+                    high.value, low.value
+                ),
+                "exchange the two, or correct one",
+            );
         }
     }
+}
+
+fn check_bounds(bounds: &Bounds, cx: &mut Context) {
+    check_order(&bounds.from.coordinates, &bounds.to.coordinates, cx);
 }
 
 fn check_rectangle(rectangle: &Rectangle, cx: &mut Context) {
@@ -338,27 +351,76 @@ fn check_cuboid(cuboid: &Cuboid, cx: &mut Context) {
     check_order(&cuboid.from, &cuboid.to, cx);
 }
 
-fn check_disc(disc: &Disc, cx: &mut Context) {
-    if let Some(inner) = disc.inner_radius.filter(|inner| inner.value >= disc.radius.value) {
-        cx.fault(inner.span, format!("`inner_radius` must be below `radius` = {}", disc.radius.value), "exchange the two, or correct one");
+fn check_line(line: &Line, cx: &mut Context) {
+    check_order(&[line.from], &[line.to], cx);
+}
+
+fn check_radii(inner: Option<Quantity<Length>>, radius: Quantity<Length>, cx: &mut Context) {
+    if let Some(inner) = inner.filter(|inner| inner.value >= radius.value) {
+        let message = format!("`inner_radius` must be below `radius` = {}", radius.value);
+        cx.fault(inner.span, message, "exchange the two, or correct one");
     }
+}
+
+fn check_disc(disc: &Disc, cx: &mut Context) {
+    check_radii(disc.inner_radius, disc.radius, cx);
+}
+
+fn check_cylinder(cylinder: &Cylinder, cx: &mut Context) {
+    check_radii(cylinder.inner_radius, cylinder.radius, cx);
+    if cylinder
+        .from
+        .iter()
+        .zip(&cylinder.to)
+        .all(|(from, to)| from.value == to.value)
+    {
+        cx.fault(
+            cylinder.to[0].span,
+            "the axis of the cylinder has no length",
+            "let `to` differ from `from`",
+        );
+    }
+}
+
+fn check_sphere(sphere: &Sphere, cx: &mut Context) {
+    check_radii(sphere.inner_radius, sphere.radius, cx);
 }
 
 fn check_body(body: &Body, cx: &mut Context) {
     let dimension = body.dimensions();
     match (&body.plane, dimension) {
-        (None, 2) => cx.fault(body.dimension.span, "`plane` is missing for a 2D body", "add `plane: strain` or `plane: stress`"),
-        (Some(plane), 1 | 3) => cx.fault(plane.span, format!("`plane` means nothing in {dimension}D"), "remove it"),
+        (None, 2) => cx.fault(
+            body.dimension.span,
+            "`plane` is missing for a 2D body",
+            "add `plane: strain` or `plane: stress`",
+        ),
+        (Some(plane), 1 | 3) => cx.fault(
+            plane.span,
+            format!("`plane` means nothing in {dimension}D"),
+            "remove it",
+        ),
         _ => {}
     }
     if let Some(thickness) = body.thickness.filter(|_| dimension != 2) {
-        cx.fault(thickness.span, format!("`thickness` means nothing in {dimension}D"), "remove it; a 1D body has an `area`");
+        cx.fault(
+            thickness.span,
+            format!("`thickness` means nothing in {dimension}D"),
+            "remove it; a 1D body has an `area`",
+        );
     }
     if let Some(area) = body.area.filter(|_| dimension != 1) {
-        cx.fault(area.span, format!("`area` means nothing in {dimension}D"), "remove it; a 2D body has a `thickness`");
+        cx.fault(
+            area.span,
+            format!("`area` means nothing in {dimension}D"),
+            "remove it; a 2D body has a `thickness`",
+        );
     }
     if body.points.is_empty() {
-        cx.fault(body.span, "the body has no points", "add a source such as `- rectangle: {from: …, to: …, spacing: …}` under `points:`");
+        cx.fault(
+            body.span,
+            "the body has no points",
+            "add a source such as `- rectangle: {from: …, to: …, spacing: …}` under `points:`",
+        );
     }
     for points in &body.points {
         let (needs, span) = match points {
@@ -370,7 +432,14 @@ fn check_body(body: &Body, cx: &mut Context) {
             Points::Sphere(shape) => (3, shape.span),
             Points::File(file) => (dimension, file.span),
         };
-        wrong_dimension(points.name(), needs, span, dimension, ["line", "rectangle` or `disc", "box`, `cylinder` or `sphere"], cx);
+        wrong_dimension(
+            points.name(),
+            needs,
+            span,
+            dimension,
+            ["line", "rectangle` or `disc", "box`, `cylinder` or `sphere"],
+            cx,
+        );
     }
     for crack in &body.cracks {
         let (needs, span) = match crack {
@@ -379,12 +448,30 @@ fn check_body(body: &Body, cx: &mut Context) {
             Crack::Rectangle(crack) => (3, crack.span),
             Crack::Disc(crack) => (3, crack.span),
         };
-        wrong_dimension(crack.name(), needs, span, dimension, ["point", "segment", "rectangle` or `disc"], cx);
+        wrong_dimension(
+            crack.name(),
+            needs,
+            span,
+            dimension,
+            ["point", "segment", "rectangle` or `disc"],
+            cx,
+        );
     }
 }
 
-fn wrong_dimension(name: &str, needs: usize, span: crate::deck::Span, dimension: usize, right: [&str; 3], cx: &mut Context) {
+fn wrong_dimension(
+    name: &str,
+    needs: usize,
+    span: crate::deck::Span,
+    dimension: usize,
+    right: [&str; 3],
+    cx: &mut Context,
+) {
     if needs != dimension && (1..=3).contains(&dimension) {
-        cx.fault(span, format!("`{name}` is for {needs}D, but the body has dimension {dimension}"), format!("use `{}`", right[dimension - 1]));
+        cx.fault(
+            span,
+            format!("`{name}` is for {needs}D, but the body has dimension {dimension}"),
+            format!("use `{}`", right[dimension - 1]),
+        );
     }
 }

@@ -1,6 +1,9 @@
 //! `conditions` and `temperature`: what acts on the body.
-use crate::deck::decode::{Context, Spanned, Text, choice, section};
-use crate::deck::quantity::{ContactStiffness, Field, ForceDensity, Length, Number, OnlyTime, Pressure, Quantity, SpaceField, Temperature, TimeField, Velocity};
+use crate::deck::decode::{Context, SetName, Spanned, Text, choice, section};
+use crate::deck::quantity::{
+    ContactStiffness, Field, ForceDensity, Length, Number, OnlyTime, Pressure, Quantity,
+    SpaceField, Temperature, TimeField, Velocity,
+};
 
 choice! {
     /// A condition.
@@ -28,7 +31,7 @@ section! {
     /// Prescribed displacement.
     pub struct DisplacementCondition as "a displacement" check check_displacement {
         /// The set of points.
-        set: Text,
+        set: SetName,
         /// Name in histories and reactions; kind and set if not given.
         name: Option<Text>,
         /// Displacement along x.
@@ -44,7 +47,7 @@ section! {
     /// Prescribed velocity.
     pub struct VelocityCondition as "a velocity" check check_velocity {
         /// The set of points.
-        set: Text,
+        set: SetName,
         /// Name in histories and reactions; kind and set if not given.
         name: Option<Text>,
         /// Velocity along x.
@@ -60,7 +63,7 @@ section! {
     /// Force per volume.
     pub struct ForceDensityCondition as "a force density" check check_force_density {
         /// The set of points.
-        set: Text,
+        set: SetName,
         /// Name in histories; kind and set if not given.
         name: Option<Text>,
         /// Force density along x.
@@ -76,7 +79,7 @@ section! {
     /// Force per area, spread over a layer below the surface.
     pub struct TractionCondition as "a traction" check check_traction {
         /// The set of points.
-        set: Text,
+        set: SetName,
         /// Name in histories; kind and set if not given.
         name: Option<Text>,
         /// Traction along x.
@@ -94,7 +97,7 @@ section! {
     /// Velocity at the start.
     pub struct InitialVelocity as "an initial velocity" check check_initial_velocity {
         /// The set of points.
-        set: Text,
+        set: SetName,
         /// Velocity along x.
         x: Option<SpaceField<Velocity>>,
         /// Velocity along y.
@@ -108,7 +111,7 @@ section! {
     /// Displacement at the start.
     pub struct InitialDisplacement as "an initial displacement" check check_initial_displacement {
         /// The set of points.
-        set: Text,
+        set: SetName,
         /// Displacement along x.
         x: Option<SpaceField<Length>>,
         /// Displacement along y.
@@ -143,7 +146,7 @@ impl Axis {
 
 section! {
     /// A plane of mirror symmetry: the body is the half on one side of it.
-    pub struct Symmetry as "a symmetry plane" {
+    pub struct Symmetry as "a symmetry plane" check check_symmetry {
         /// The axis the plane is normal to.
         normal: Spanned<Axis>,
         /// Where the plane cuts that axis.
@@ -179,7 +182,7 @@ section! {
 
 impl Condition {
     /// The set it acts on, if it acts on one.
-    pub fn set(&self) -> Option<&Text> {
+    pub fn set(&self) -> Option<&SetName> {
         match self {
             Condition::Displacement(condition) => Some(&condition.set),
             Condition::Velocity(condition) => Some(&condition.set),
@@ -222,31 +225,34 @@ impl Condition {
             Condition::RigidWall(condition) => condition.span,
         }
     }
+}
 
-    /// Which of the components x, y, z are given, with their places.
-    pub fn components(&self) -> [Option<crate::deck::Span>; 3] {
-        macro_rules! spans {
-            ($condition:ident) => {
-                [&$condition.x, &$condition.y, &$condition.z].map(|component| component.as_ref().map(|field| field.span))
-            };
-        }
-        match self {
-            Condition::Displacement(condition) => spans!(condition),
-            Condition::Velocity(condition) => spans!(condition),
-            Condition::ForceDensity(condition) => spans!(condition),
-            Condition::Traction(condition) => spans!(condition),
-            Condition::InitialVelocity(condition) => [&condition.x, &condition.y, &condition.z].map(|c| c.as_ref().map(|field| field.span)),
-            Condition::InitialDisplacement(condition) => [&condition.x, &condition.y, &condition.z].map(|c| c.as_ref().map(|field| field.span)),
-            Condition::Symmetry(_) | Condition::RigidWall(_) => [None; 3],
-        }
+fn check_axis(axis: usize, span: crate::deck::Span, cx: &mut Context) {
+    if let Some(dimension) = cx.dimension.filter(|dimension| axis >= *dimension) {
+        let name = ["x", "y", "z"][axis];
+        cx.fault(
+            span,
+            format!("there is no `{name}` direction in a {dimension}D body"),
+            "remove it",
+        );
     }
+}
+
+fn check_symmetry(plane: &Symmetry, cx: &mut Context) {
+    check_axis(plane.normal.index(), plane.normal.span, cx);
 }
 
 macro_rules! needs_component {
     ($($check:ident: $type:ty;)*) => {$(
         fn $check(condition: &$type, cx: &mut Context) {
-            if condition.x.is_none() && condition.y.is_none() && condition.z.is_none() {
+            let spans = [&condition.x, &condition.y, &condition.z].map(|component| component.as_ref().map(|field| field.span));
+            if spans == [None; 3] {
                 cx.fault(condition.span, "no component is given", "give at least one of `x`, `y`, `z`");
+            }
+            for (axis, span) in spans.into_iter().enumerate() {
+                if let Some(span) = span {
+                    check_axis(axis, span, cx);
+                }
             }
         }
     )*};
@@ -262,9 +268,22 @@ needs_component! {
 }
 
 fn check_wall(wall: &RigidWall, cx: &mut Context) {
-    if wall.normal.len() != wall.at.len() || !(1..=3).contains(&wall.normal.len()) {
-        cx.fault(wall.span, format!("`normal` has {} components and `at` has {}", wall.normal.len(), wall.at.len()), "give both as many as the body has dimensions");
+    let (normal, at) = (wall.normal.len(), wall.at.len());
+    let dimension = cx.dimension.unwrap_or(normal);
+    if normal != dimension || at != dimension {
+        let message = format!(
+            "`normal` has {normal} components and `at` has {at}, but the body has dimension {dimension}"
+        );
+        cx.fault(
+            wall.span,
+            message,
+            "give both as many as the body has dimensions",
+        );
     } else if wall.normal.iter().all(|component| component.value == 0.0) {
-        cx.fault(wall.normal[0].span, "`normal` has no direction", "write for example `normal: [1, 0, 0]`");
+        cx.fault(
+            wall.span,
+            "`normal` has no direction",
+            "write for example `normal: [1, 0, 0]`",
+        );
     }
 }

@@ -1,6 +1,6 @@
 //! `expect` and `verify`: what a deck says about its own result.
 use super::output::{FieldComponent, Moment};
-use crate::deck::decode::{Context, Decode, Position, Text, choice, section};
+use crate::deck::decode::{Context, Decode, Position, SetName, Text, choice, section};
 use crate::deck::quantity::{Any, Number, Quantity, Time, TimeField};
 use crate::deck::tree::{Content, Node};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -17,7 +17,7 @@ section! {
         /// Position at which `field` is measured (a list), or time at which `quantity` is (a number).
         at: Option<At>,
         /// Set over which `field` is reduced.
-        over: Option<Text>,
+        over: Option<SetName>,
         /// How `field` is reduced over the set.
         reduce: Option<Reduction>,
         /// Bound that `count`, `extent_…` and `line_angle` compare with.
@@ -91,7 +91,7 @@ section! {
         /// How deviations are summed up.
         norm: Norm = "l2",
         /// The set of points.
-        over: Text = "all",
+        over: SetName = "all",
     }
 }
 
@@ -113,7 +113,7 @@ pub enum Measured<'a> {
     /// A field at a position.
     FieldAt(&'a FieldComponent, &'a Position),
     /// A field reduced over a set.
-    FieldOver(&'a FieldComponent, &'a Text, &'a Reduction),
+    FieldOver(&'a FieldComponent, &'a SetName, &'a Reduction),
     /// Deviation of a field from an expression.
     Error(&'a FieldError),
     /// Arithmetic over scalar quantities.
@@ -186,31 +186,76 @@ fn check_expectation(expectation: &Expectation, cx: &mut Context) {
         ("error", expectation.error.is_some()),
         ("expression", expectation.expression.is_some()),
     ];
-    let given: Vec<String> = kinds.iter().filter(|(_, given)| *given).map(|(name, _)| format!("`{name}`")).collect();
+    let given: Vec<String> = kinds
+        .iter()
+        .filter(|(_, given)| *given)
+        .map(|(name, _)| format!("`{name}`"))
+        .collect();
     match given.len() {
-        0 => cx.fault(span, "the expectation does not say what is measured", "give one of `quantity`, `field`, `error`, `expression`"),
+        0 => cx.fault(
+            span,
+            "the expectation does not say what is measured",
+            "give one of `quantity`, `field`, `error`, `expression`",
+        ),
         1 => {}
-        _ => cx.fault(span, format!("an expectation measures one thing, but {} are given", given.join(" and ")), "keep one"),
+        _ => cx.fault(
+            span,
+            format!(
+                "an expectation measures one thing, but {} are given",
+                given.join(" and ")
+            ),
+            "keep one",
+        ),
     }
     if expectation.field.is_some() {
         let placed = matches!(expectation.at, Some(At::Position(_)));
         let reduced = expectation.over.is_some() && expectation.reduce.is_some();
         if placed == reduced {
-            cx.fault(span, "a field is measured at a position, or reduced over a set", "give `at: [x, y]`, or both `over: set` and `reduce: max`");
+            cx.fault(
+                span,
+                "a field is measured at a position, or reduced over a set",
+                "give `at: [x, y]`, or both `over: set` and `reduce: max`",
+            );
         }
     } else if let Some(At::Position(position)) = &expectation.at {
-        cx.fault(position.span, "a position has a meaning for `field` only", "write the time as a number");
+        cx.fault(
+            position.span,
+            "a position has a meaning for `field` only",
+            "write the time as a number",
+        );
     }
     match (&expectation.value, &expectation.between) {
-        (None, None) => cx.fault(span, "the expectation has no value", "give `value` with `tolerance` or `absolute`, or `between: [low, high]`"),
-        (Some(_), Some(between)) => cx.fault(between[0].span, "both `value` and `between` are given", "keep one"),
-        (Some(value), None) if expectation.tolerance.is_none() && expectation.absolute.is_none() => {
-            cx.fault(value.span, "the expectation has no tolerance", "add `tolerance: 1e-3` (relative) or `absolute: …`");
+        (None, None) => cx.fault(
+            span,
+            "the expectation has no value",
+            "give `value` with `tolerance` or `absolute`, or `between: [low, high]`",
+        ),
+        (Some(_), Some(between)) => cx.fault(
+            between[0].span,
+            "both `value` and `between` are given",
+            "keep one",
+        ),
+        (Some(value), None)
+            if expectation.tolerance.is_none() && expectation.absolute.is_none() =>
+        {
+            cx.fault(
+                value.span,
+                "the expectation has no tolerance",
+                "add `tolerance: 1e-3` (relative) or `absolute: …`",
+            );
         }
         (Some(value), None) if value.value == 0.0 && expectation.absolute.is_none() => {
-            cx.fault(value.span, "a relative tolerance means nothing for the value 0", "add `absolute: …`");
+            cx.fault(
+                value.span,
+                "a relative tolerance means nothing for the value 0",
+                "add `absolute: …`",
+            );
         }
-        (None, Some([low, high])) if low.value > high.value => cx.fault(high.span, "`between` must not decrease", "write `between: [low, high]`"),
+        (None, Some([low, high])) if low.value > high.value => cx.fault(
+            high.span,
+            "`between` must not decrease",
+            "write `between: [low, high]`",
+        ),
         _ => {}
     }
 }

@@ -1,6 +1,6 @@
 //! `sets`: named sets of material points.
 use super::body::{Ball, Bounds};
-use crate::deck::decode::{Context, Decode, Position, Text, choice, section};
+use crate::deck::decode::{Context, Decode, Position, SetName, Text, choice, section};
 use crate::deck::quantity::{Count, Field, Length, Number, Quantity, Space};
 use crate::deck::tree::{Content, Node};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -10,7 +10,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 #[serde(untagged)]
 pub enum PointSet {
     /// `all`, a block of points, or a name under `sets`.
-    Name(Text),
+    Name(SetName),
     /// A rule.
     Rule(SetRule),
 }
@@ -87,10 +87,12 @@ impl Side {
 
 impl PointSet {
     /// The names of other sets it refers to, directly.
-    pub fn names<'a>(&'a self, names: &mut Vec<&'a Text>) {
+    pub fn names<'a>(&'a self, names: &mut Vec<&'a SetName>) {
         match self {
             PointSet::Name(name) => names.push(name),
-            PointSet::Rule(SetRule::AllOf(parts) | SetRule::AnyOf(parts)) => parts.iter().for_each(|part| part.names(names)),
+            PointSet::Rule(SetRule::AllOf(parts) | SetRule::AnyOf(parts)) => {
+                parts.iter().for_each(|part| part.names(names))
+            }
             PointSet::Rule(SetRule::Not(part)) => part.names(names),
             PointSet::Rule(_) => {}
         }
@@ -100,7 +102,7 @@ impl PointSet {
 impl Decode for PointSet {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
         match &node.content {
-            Content::Scalar(_) => Text::decode(node, cx).map(PointSet::Name),
+            Content::Scalar(_) => SetName::decode(node, cx).map(PointSet::Name),
             _ => SetRule::decode(node, cx).map(PointSet::Rule),
         }
     }
