@@ -480,7 +480,7 @@ fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>
         if !matches!(c, Condition::Displacement(_) | Condition::Velocity(_)) {
             continue;
         }
-        let components = c.components();
+        let components = components(c);
         let Some(points) = c.set().and_then(|s| sets.get(&s.value)) else { continue };
         let mut told = false;
         for &p in points {
@@ -507,6 +507,15 @@ fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>
                 }
             }
         }
+    }
+}
+
+/// The places of the components that a condition prescribes.
+fn components(c: &Condition) -> [Option<Span>; 3] {
+    match c {
+        Condition::Displacement(d) => [&d.x, &d.y, &d.z].map(|f| f.as_ref().map(|f| f.span)),
+        Condition::Velocity(d) => [&d.x, &d.y, &d.z].map(|f| f.as_ref().map(|f| f.span)),
+        _ => [None; 3],
     }
 }
 

@@ -1,7 +1,7 @@
 //! `output`: what is written.
 use crate::deck::decode::Position;
 use super::expect::Reduction;
-use crate::deck::decode::{Auto, Context, Decode, Text, choice, section};
+use crate::deck::decode::{Auto, Context, Decode, SetName, Text, choice, section};
 use crate::deck::quantity::{Angle, Any, Count, Number, Quantity, SpaceField, Time};
 use crate::deck::report::suggest;
 use crate::deck::source::Span;
@@ -23,7 +23,7 @@ section! {
         /// Time between rows of the history.
         history_every: Option<Quantity<Time>> where POSITIVE,
         /// Further columns of the history: fields reduced over sets.
-        measures: Vec<Measure> = "[]",
+        measures: Vec<HistoryMeasure> = "[]",
         /// Pictures of fields.
         pictures: Vec<Picture> = "[]",
         /// Line plots.
@@ -201,7 +201,7 @@ impl JsonSchema for FieldComponent {
 
 section! {
     /// A field reduced to one number, a column of the history under its name.
-    pub struct Measure as "a measure" {
+    pub struct HistoryMeasure as "a measure" {
         /// Name of the column.
         name: Text,
         /// The field.
