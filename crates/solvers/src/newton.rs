@@ -5,7 +5,7 @@
 //! residual) than with the supports moved alone, or cannot be evaluated, the latter is the start.
 //!
 //! **Tangents that are not positive definite** (softening, buckling, snap-through). The direct solver factors `K + λ diag(d)`,
-//! `d` the absolute values of the diagonal (not less than a thousandth of their mean), with the smallest `λ` of 10⁻³, 10⁻², … that makes
+//! `d` the absolute values of the diagonal (not less than a thousandth of their mean), with the smallest `λ` of 10⁻⁹, 10⁻⁶, 10⁻³, 10⁻², … that makes
 //! it positive definite (Levenberg and Marquardt), starting from a tenth of the last `λ` that was needed. Conjugate gradients stop
 //! at negative curvature and use the direction reached (Steihaug 1983, Dembo and Steihaug 1983). A direction of GMRES that leads
 //! uphill is turned around. All give directions of descent; near a stable equilibrium none of this acts, and convergence is quadratic.
@@ -109,8 +109,9 @@ struct Linear {
     name: &'static str,
 }
 
-/// Smallest and largest Levenberg–Marquardt shift, relative to the diagonal.
-const SHIFTS: (f64, f64) = (1e-3, 1e4);
+/// Levenberg–Marquardt shifts, relative to the diagonal. The first two are for tangents that are singular, not indefinite (a piece that
+/// has broken off), where they do not slow convergence.
+const SHIFTS: [f64; 10] = [1e-9, 1e-6, 1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e4];
 
 impl Newton {
     /// A method with these options.
@@ -554,38 +555,54 @@ impl Linear {
         self.reference_factor = false;
         matrix.clear();
         problem.tangent(t, u, matrix)?;
+        self.diagonal.resize(u.len(), 0.0);
+        matrix.diagonal(&mut self.diagonal);
+        self.diagonal.iter_mut().for_each(|d| *d = d.abs());
+        vector::clear_fixed(&mut self.diagonal, problem.fixed());
+        let mean = self.diagonal.iter().sum::<f64>() / cholesky.free_dofs().max(1) as f64;
+        // Points that all bonds have left, and no load acts on, stay where they are: any stiffness does.
+        let mut isolated = false;
+        for (k, fixed) in problem.fixed().iter().enumerate() {
+            if !fixed && b[k] == 0.0 && self.diagonal[k] <= f64::EPSILON * mean {
+                matrix.add_diagonal_entry(k, mean);
+                isolated = true;
+            }
+        }
         match cholesky.factor(matrix, None) {
             Ok(()) => {
                 self.shift = 0.0;
-                self.reference_factor = reference;
+                // With another load the isolated points might not be at rest.
+                self.reference_factor = reference && !isolated;
                 return Ok(cholesky.solve(b, x)?.residual);
             }
             Err(DirectError::NotPositiveDefinite { .. }) if !reference => {}
             Err(other) => return Err(other.into()),
         }
         self.modified += 1;
-        self.diagonal.resize(u.len(), 0.0);
-        matrix.diagonal(&mut self.diagonal);
-        self.diagonal.iter_mut().for_each(|d| *d = d.abs());
-        vector::clear_fixed(&mut self.diagonal, problem.fixed());
-        let mean = self.diagonal.iter().sum::<f64>() / cholesky.free_dofs().max(1) as f64;
-        let mut shift = (0.1 * self.shift).max(SHIFTS.0);
-        self.diagonal
-            .iter_mut()
-            .for_each(|d| *d = shift * d.max(1e-3 * mean));
-        loop {
+        let first = SHIFTS
+            .iter()
+            .position(|s| *s >= 0.1 * self.shift)
+            .unwrap_or(0);
+        let mut applied = 1.0;
+        for &shift in &SHIFTS[first..] {
+            // What was added for the last shift is scaled up to this one.
+            let factor = shift / applied;
+            for (d, fixed) in self.diagonal.iter_mut().zip(problem.fixed()) {
+                let least = applied * 1e-3 * mean;
+                *d = if *fixed { 0.0 } else { factor * d.max(least) };
+            }
+            applied = shift;
             match cholesky.factor(matrix, Some(&self.diagonal)) {
                 Ok(()) => {
                     self.shift = shift;
                     return Ok(cholesky.solve(b, x)?.residual);
                 }
-                Err(DirectError::NotPositiveDefinite { .. }) if shift < SHIFTS.1 => {
-                    shift *= 10.0;
-                    self.diagonal.iter_mut().for_each(|d| *d *= 10.0);
-                }
+                Err(DirectError::NotPositiveDefinite { .. })
+                    if shift < SHIFTS[SHIFTS.len() - 1] => {}
                 Err(other) => return Err(other.into()),
             }
         }
+        unreachable!("the last shift returns")
     }
 
     fn solve_iteratively(

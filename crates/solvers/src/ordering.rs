@@ -72,8 +72,10 @@ impl Graph {
     }
 }
 
-/// Sets of this many points or fewer are not cut further: a dense block of this size is cheap.
-const LEAF: usize = 48;
+/// Sets of this many points or fewer are not cut further: minimum degree does better on them.
+const LEAF: usize = 100;
+/// Larger sets that no small separator cuts are ordered along their longest axis: minimum degree by bit sets takes time of third order.
+const LARGEST_LEAF: usize = 1500;
 
 /// Geometric nested dissection: `order[k]` is the point eliminated `k`-th.
 ///
@@ -154,10 +156,13 @@ fn dissect(
             }
         }
     }
-    // A separator of half the set or more gains nothing over a band ordering of the whole.
+    // A separator of half the set or more gains nothing.
     let Some((separator, axis)) = best.filter(|(s, _)| 2 * s.len() < points.len()) else {
         sort(points, axes.first().copied().unwrap_or(0));
         order.copy_from_slice(points);
+        if (1..=LARGEST_LEAF).contains(&points.len()) {
+            minimum_degree(graph, points, order, work);
+        }
         return;
     };
     sort(points, axis);
@@ -189,6 +194,58 @@ fn dissect(
     sort(last, across);
     dissect(graph, positions, dimension, &mut below, first, work);
     dissect(graph, positions, dimension, &mut above, second, work);
+}
+
+/// Orders a leaf by minimum degree, counting the points around it, which are eliminated later (Pellegrini, Roman and Amestoy 2000,
+/// *Hybridizing nested dissection and halo approximate minimum degree*). Degrees are exact: the graph is kept as bit sets.
+fn minimum_degree(graph: &Graph, points: &[u32], order: &mut [u32], work: &mut Work) {
+    let n = points.len();
+    let mut halo = Vec::new();
+    for (k, &p) in points.iter().enumerate() {
+        (work.side[p as usize], work.local[p as usize]) = (BELOW, k as u32);
+    }
+    for &p in points {
+        for &q in graph.neighbors(p as usize) {
+            if work.side[q as usize] == OUTSIDE {
+                (work.side[q as usize], work.local[q as usize]) = (ABOVE, (n + halo.len()) as u32);
+                halo.push(q);
+            }
+        }
+    }
+    let words = (n + halo.len()).div_ceil(64);
+    let mut sets = vec![0u64; n * words];
+    for (k, &p) in points.iter().enumerate() {
+        let own = &mut sets[k * words..(k + 1) * words];
+        for &q in graph.neighbors(p as usize) {
+            let q = work.local[q as usize] as usize;
+            own[q / 64] |= 1 << (q % 64);
+        }
+    }
+    for &p in points.iter().chain(&halo) {
+        work.side[p as usize] = OUTSIDE;
+    }
+    let count = |set: &[u64]| set.iter().map(|w| w.count_ones()).sum::<u32>();
+    let mut degree: Vec<u32> = sets.chunks(words).map(count).collect();
+    let mut left: Vec<u32> = (0..n as u32).collect();
+    let mut own = vec![0u64; words];
+    for target in order.iter_mut() {
+        let place = (0..left.len())
+            .min_by_key(|&k| (degree[left[k] as usize], left[k]))
+            .expect("one is left");
+        let k = left.swap_remove(place) as usize;
+        *target = points[k];
+        own.copy_from_slice(&sets[k * words..(k + 1) * words]);
+        for &other in &left {
+            let other = other as usize;
+            if own[other / 64] >> (other % 64) & 1 == 1 {
+                let set = &mut sets[other * words..(other + 1) * words];
+                set.iter_mut().zip(&own).for_each(|(a, b)| *a |= b);
+                set[other / 64] &= !(1 << (other % 64));
+                set[k / 64] &= !(1 << (k % 64));
+                degree[other] = count(set);
+            }
+        }
+    }
 }
 
 /// The smallest set of points that covers every coupling between the first half of `points` and the second.

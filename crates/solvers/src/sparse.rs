@@ -368,11 +368,17 @@ impl BlockMatrix {
 
     /// Adds `addition[k]` to diagonal entry `k`.
     pub fn add_diagonal(&mut self, addition: &[f64]) {
+        addition
+            .iter()
+            .enumerate()
+            .for_each(|(k, x)| self.add_diagonal_entry(k, *x));
+    }
+
+    /// Adds `addition` to one diagonal entry.
+    pub fn add_diagonal_entry(&mut self, dof: usize, addition: f64) {
         let d = self.pattern.block;
-        for (k, x) in addition.iter().enumerate() {
-            let (point, i) = (k / d, k % d);
-            self.values[(self.pattern.starts[point] * d + i) * d + i] += x;
-        }
+        let (point, i) = (dof / d, dof % d);
+        self.values[(self.pattern.starts[point] * d + i) * d + i] += addition;
     }
 
     /// Writes the diagonal entries to `diagonal`.

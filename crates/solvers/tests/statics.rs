@@ -473,3 +473,39 @@ fn a_body_that_does_not_assemble_is_solved_without() {
         .unwrap_err();
     assert!(error.to_string().contains("does not assemble"), "{error}");
 }
+
+#[test]
+fn pieces_that_break_off_stay_where_they_are() {
+    // A lattice torn in two along a line, and one point torn out altogether: the free piece has a singular tangent.
+    let mut truss = lattice(8, 3, 1e5);
+    let n = truss.load.len();
+    truss.load[2 * 9] = 1e3;
+    for bar in &mut truss.bars {
+        let columns = bar.ends.map(|p| p / 3);
+        bar.broken = columns.contains(&3) && columns.contains(&4) || bar.ends.contains(&23);
+    }
+    let mut u = vec![0.0; n];
+    let mut reports = Vec::new();
+    let mut observer = |report: &StepReport, _: &mut Truss<2>, _: &[f64], _: &[f64]| {
+        reports.push(report.clone());
+        ControlFlow::Continue(())
+    };
+    LoadSteps::uniform(0.0, 1.0, 1)
+        .run(
+            &mut truss,
+            &mut newton(LinearSolver::Direct),
+            &mut u,
+            &mut observer,
+            None,
+        )
+        .unwrap();
+    assert!(
+        u[18] > 1e-3 && u[24..].iter().all(|u| u.abs() < 1e-9),
+        "{u:?}"
+    );
+    // Quadratic convergence is not lost to the shift.
+    assert!(
+        reports[0].iterations <= 5 && reports[0].residual < 1e-8,
+        "{reports:?}"
+    );
+}
