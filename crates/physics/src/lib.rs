@@ -9,6 +9,7 @@ pub mod elasticity;
 pub mod failure;
 pub mod family;
 pub mod influence;
+pub mod isotropy;
 pub mod lanes;
 pub mod material;
 pub mod models;

@@ -213,6 +213,50 @@ impl<const D: usize> Matrix<f64, D> {
     }
 }
 
+/// Eigenvalues in ascending order and unit eigenvectors, one after the other, of a symmetric matrix of any size `n`, given by
+/// rows (cyclic Jacobi rotations). For small matrices that are made once: it allocates.
+pub fn symmetric_eigen(matrix: &[f64], n: usize) -> (Vec<f64>, Vec<f64>) {
+    assert_eq!(matrix.len(), n * n, "a square matrix");
+    let mut a = matrix.to_vec();
+    // rows of `v` become the eigenvectors
+    let mut v: Vec<f64> = (0..n * n).map(|k| if k / n == k % n { 1.0 } else { 0.0 }).collect();
+    let scale = a.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    for _ in 0..60 {
+        let mut off = 0.0f64;
+        for p in 0..n {
+            for q in p + 1..n {
+                let apq = a[p * n + q];
+                off = off.max(apq.abs());
+                if apq == 0.0 {
+                    continue;
+                }
+                let theta = (a[q * n + q] - a[p * n + p]) / (2.0 * apq);
+                let t = if theta < 0.0 { -1.0 } else { 1.0 } / (theta.abs() + (theta * theta + 1.0).sqrt());
+                let c = 1.0 / (t * t + 1.0).sqrt();
+                let s = t * c;
+                for k in 0..n {
+                    let (x, y) = (a[k * n + p], a[k * n + q]);
+                    a[k * n + p] = c * x - s * y;
+                    a[k * n + q] = s * x + c * y;
+                }
+                for m in [&mut a, &mut v] {
+                    for k in 0..n {
+                        let (x, y) = (m[p * n + k], m[q * n + k]);
+                        m[p * n + k] = c * x - s * y;
+                        m[q * n + k] = s * x + c * y;
+                    }
+                }
+            }
+        }
+        if off <= 1e-17 * scale {
+            break;
+        }
+    }
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|&i, &j| a[i * n + i].total_cmp(&a[j * n + j]));
+    (order.iter().map(|&i| a[i * n + i]).collect(), order.iter().flat_map(|&i| v[i * n..(i + 1) * n].to_vec()).collect())
+}
+
 impl<S: Scalar, const D: usize> Add for Vector<S, D> {
     type Output = Self;
     #[inline(always)]
@@ -468,5 +512,28 @@ mod tests {
         }
         assert!(Matrix([[1.0, 1.0], [1.0, 1.0]]).inverse_if_regular(1e-10).is_none());
         assert!(Matrix([[f64::NAN, 1.0], [1.0, 1.0]]).inverse_if_regular(1e-10).is_none());
+    }
+
+    #[test]
+    fn eigenpairs_of_the_second_difference_matrix() {
+        // of size n: 2 − 2 cos(kπ/(n + 1)), components sin(jkπ/(n + 1))
+        let n = 15;
+        let at = |i: usize, j: usize| if i == j { 2.0 } else { -((i.abs_diff(j) == 1) as u8 as f64) };
+        let matrix: Vec<f64> = (0..n * n).map(|k| at(k / n, k % n)).collect();
+        let (values, vectors) = symmetric_eigen(&matrix, n);
+        for k in 0..n {
+            let angle = std::f64::consts::PI * (k + 1) as f64 / (n + 1) as f64;
+            assert!((values[k] - (2.0 - 2.0 * angle.cos())).abs() < 2e-15 * 4.0, "{k}");
+            let norm = ((n + 1) as f64 / 2.0).sqrt();
+            let sign = vectors[k * n].signum();
+            for j in 0..n {
+                assert!((sign * vectors[k * n + j] - (angle * (j + 1) as f64).sin() / norm).abs() < 1e-14, "{k} {j}");
+            }
+        }
+        // a double eigenvalue and a null vector
+        let (values, _) = symmetric_eigen(&[1.0, 1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 2.0], 3);
+        for (x, y) in values.iter().zip([0.0, 2.0, 2.0]) {
+            assert!((x - y).abs() < 1e-15);
+        }
     }
 }
