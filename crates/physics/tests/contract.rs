@@ -4,7 +4,9 @@
 
 mod common;
 
+use common::any::AnyStretchLaw;
 use common::closed::{self, Kind};
+use common::counting::calls;
 use common::table::{EXPANSION, RETARDATION, Rotation, Row, STEEL, rows};
 use common::{Body, Case, Model, Random, With, difference, largest};
 use physics::elasticity::{Isotropic, Section};
@@ -12,7 +14,7 @@ use physics::influence::Stored;
 use physics::isotropy::fourth_moment_factors;
 use physics::models::{BondBased, BondBasedConstants, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
 use physics::scalar::ROW;
-use physics::stretch_law::{Bilinear, Elastic, ElasticPlastic};
+use physics::stretch_law::{Bilinear, ElasticPlastic};
 use physics::tensor::Vector;
 
 /// Spacing of the bodies [m].
@@ -26,12 +28,13 @@ fn bodies<const D: usize>(row: &Row<D>) -> [Body<D>; 2] {
     [Body::lattice(count, SPACING, ratio), Body::cloud(count, SPACING, ratio, false).broken(0.12)].map(|b| equip(row, b))
 }
 
-fn equip<const D: usize>(row: &Row<D>, mut body: Body<D>) -> Body<D> {
+fn equip<const D: usize>(row: &Row<D>, body: Body<D>) -> Body<D> {
+    let mut body = body.per(row.section.measure());
     if row.model.stored() {
         body = body.weighted();
     }
-    if row.model.bond_words() > 0 {
-        body = body.with_history(row.model.bond_words(), 0.1);
+    if row.words > 0 {
+        body = body.with_history(row.words, 0.1);
     }
     if row.thermal {
         body = body.heated(300.0);
@@ -81,13 +84,13 @@ macro_rules! contract {
 contract!(the_force_state_is_the_gradient_of_the_energy, "T = ∇W", 1e-12, gradient);
 
 fn gradient<const D: usize>(row: &Row<D>) -> f64 {
-    if !row.model.conservative() {
+    if !row.conservative {
         return 0.0;
     }
     let mut worst = 0.0f64;
     for mut body in bodies(row) {
         worst = worst.max(gradient_on(row, &body, 1));
-        if row.model.bond_words() > 0 {
+        if row.words > 0 {
             // again after the history was written
             let u = body.random(SPACING, 1);
             row.model.commit(&mut body, &u);
@@ -126,7 +129,7 @@ contract!(
 );
 
 fn symmetry<const D: usize>(row: &Row<D>) -> f64 {
-    if !row.model.conservative() {
+    if !row.conservative {
         return 0.0;
     }
     let mut worst = 0.0f64;
@@ -134,6 +137,8 @@ fn symmetry<const D: usize>(row: &Row<D>) -> f64 {
         let u = body.random(SPACING, 1);
         let z = [body.direction(SPACING, 2), body.direction(SPACING, 3)];
         let slopes = [0, 1].map(|k: usize| row.model.slopes(&body, &u, &z[k]));
+        // relative to the stiffest family: one whose bonds all yield has no tangent
+        let (mut asymmetry, mut scale) = (0.0f64, 0.0f64);
         for i in 0..body.families() {
             let (mut ab, mut ba, mut size) = (0.0, 0.0, 0.0);
             for slot in body.bonds(i) {
@@ -146,22 +151,21 @@ fn symmetry<const D: usize>(row: &Row<D>) -> f64 {
                     size += a.abs() * body.volume(j);
                 }
             }
-            if ab != ba {
-                worst = worst.max((ab - ba).abs() / size);
-            }
+            (asymmetry, scale) = (asymmetry.max((ab - ba).abs()), scale.max(size));
         }
+        worst = worst.max(asymmetry / scale);
     }
     worst
 }
 
 contract!(
-    /// Central differences of the force: the round-off and truncation of a step of 10⁻⁶.
+    /// Central differences of the force: the round-off and truncation of a step of 10⁻⁷.
     the_tangent_is_the_derivative_of_the_force, "tangent = finite difference", 3e-8, tangent
 );
 
 fn tangent<const D: usize>(row: &Row<D>) -> f64 {
     let body = moving(row, bodies(row)[1].clone());
-    let (u, z, step) = (body.random(SPACING, 1), body.direction(SPACING, 2), 1e-6);
+    let (u, z, step) = (body.random(SPACING, 1), body.direction(SPACING, 2), 1e-7);
     let moved = |s: f64| -> Vec<f64> { u.iter().zip(&z).map(|(u, z)| u + s * z).collect() };
     let [plus, minus] = [step, -step].map(|s| row.model.evaluate(&body, &moved(s), With::Scalars).forces);
     let by_difference: Vec<f64> = plus.iter().flatten().zip(minus.iter().flatten()).map(|(p, m)| (p - m) / (2.0 * step)).collect();
@@ -485,18 +489,18 @@ fn shear_deficit_of_lattice_families() {
         }
         (if D == 2 { 8.0 } else { 15.0 }) * sum / all
     }
-    for (ratio, low, high) in [(2.0, 0.57, 0.58), (3.0, 0.95, 0.97)] {
+    for (ratio, low, high) in [(2.0, 0.635, 0.645), (3.0, 0.90, 1.0)] {
         let body = Body::star(&lattice_bonds::<2>(ratio), ratio, 1.0);
-        let model = Case(BondBased { law: Elastic, omega: physics::influence::One }, bond(plane));
+        let model = Case(BondBased { law: AnyStretchLaw::Elastic, omega: physics::influence::One }, bond(plane));
         let got = infinitesimal(&model, &body, shear()) / classical(quarter, plane, shear::<2>());
         println!("bond-based shear, plane, ratio {ratio}: {got:.6}");
         assert!((got - moment::<2>(ratio, 1)).abs() < 1e-12 && got > low && got < high, "{ratio}: {got}");
     }
-    for (ratio, low, high) in [(2.0, 0.80, 0.95), (3.0, 0.90, 1.05)] {
+    for (ratio, low, high) in [(2.0, 0.80, 0.95), (3.0, 1.08, 1.12)] {
         let body = Body::star(&lattice_bonds::<3>(ratio), ratio, 1.0);
         let model = Case(LinearPeridynamicSolid { omega: physics::influence::One }, solid(Section::Solid));
         let got = infinitesimal(&model, &body, shear()) / classical(STEEL, Section::Solid, shear::<3>());
-        let model = Case(BondBased { law: Elastic, omega: physics::influence::One }, bond(Section::Solid));
+        let model = Case(BondBased { law: AnyStretchLaw::Elastic, omega: physics::influence::One }, bond(Section::Solid));
         let bonds = infinitesimal(&model, &body, shear()) / classical(quarter, Section::Solid, shear::<3>());
         println!("shear, solid, ratio {ratio}: linear solid {got:.6}, bond-based {bonds:.6}");
         assert!((got - moment::<3>(ratio, 2)).abs() < 1e-12 && got > low && got < high, "{ratio}: {got}");
@@ -528,7 +532,7 @@ fn fourth_moment_weights_make_every_strain_exact() {
                         let poisson = if matches!(section, Section::PlaneStress { .. }) { 1.0 / 3.0 } else { 0.25 };
                         let c = BondBasedConstants { young: STEEL.young, section, continuum: false };
                         let m = Isotropic { young: STEEL.young, poisson };
-                        let model = Case(BondBased { law: Elastic, omega: Stored }, c);
+                        let model = Case(BondBased { law: AnyStretchLaw::Elastic, omega: Stored }, c);
                         (infinitesimal(&model, &corrected, *strain), classical(m, section, *strain))
                     } else {
                         let model = Case(LinearPeridynamicSolid { omega: Stored }, LinearPeridynamicSolidConstants::new(STEEL, section));
@@ -613,7 +617,7 @@ contract!(
 );
 
 fn commit<const D: usize>(row: &Row<D>) -> f64 {
-    if row.model.bond_words() == 0 {
+    if row.words == 0 {
         return 0.0;
     }
     let mut worst = 0.0f64;
@@ -647,7 +651,7 @@ fn stretch_laws_remember_their_path() {
         2.0 * model.evaluate(&body, &stretched(path[path.len() - 1]), With::Scalars).forces[0][0]
     };
     let omega = physics::influence::One;
-    let bilinear = Case(BondBased { law: Bilinear { peak: 0.01, failure: 0.05 }, omega }, constants);
+    let bilinear = Case(BondBased { law: AnyStretchLaw::Bilinear(Bilinear { peak: 0.01, failure: 0.05 }), omega }, constants);
     // on the way up at 0.02: 0.01 (0.05 − 0.02)/0.04; back from 0.03 the secant is 0.005/0.03
     for (path, want) in [
         (vec![0.02], 0.0075),
@@ -660,7 +664,7 @@ fn stretch_laws_remember_their_path() {
         let got = force(&bilinear, &path);
         assert!((got - want).abs() < 1e-15, "bilinear {path:?}: {got} {want}");
     }
-    let plastic = Case(BondBased { law: ElasticPlastic { yield_stretch: 0.01 }, omega }, constants);
+    let plastic = Case(BondBased { law: AnyStretchLaw::ElasticPlastic(ElasticPlastic { yield_stretch: 0.01 }), omega }, constants);
     for (path, want) in [
         (vec![0.03], 0.01),
         (vec![0.03, 0.025], 0.005),
@@ -726,7 +730,7 @@ contract!(
 );
 
 fn by_hand<const D: usize>(row: &Row<D>) -> f64 {
-    if row.model.conservative() {
+    if row.conservative {
         return 0.0;
     }
     let body = bodies(row)[1].clone();
@@ -862,6 +866,29 @@ fn a_held_bar_is_compressed() {
             assert!(off < limit, "{}: {off:.1e}", row.name);
         }
     }
+}
+
+// ------------------------------------------------------------------------------------------------ allocation
+
+/// State, force and energy density, whatever the number type.
+#[test]
+fn the_hot_functions_do_not_allocate() {
+    fn asked<const D: usize>() -> usize {
+        let mut evaluations = 0;
+        for row in rows::<D>() {
+            let body = &bodies(&row)[1];
+            let u = body.random(SPACING, 1);
+            for with in [With::Scalars, With::WidestLanes, With::PortableLanes] {
+                let (_, allocations) = row.model.measure(body, &u, with, calls);
+                assert_eq!(allocations, 0, "{} with {with:?} allocates", row.name);
+                evaluations += 1;
+            }
+        }
+        evaluations
+    }
+    let before = calls();
+    assert!(vec![Random::new(1).next(); 100].len() == 100 && calls() > before, "the allocator counts");
+    println!("{} evaluations without allocation", asked::<1>() + asked::<2>() + asked::<3>());
 }
 
 /// The closed forms themselves: a stretch of one per cent, by mental arithmetic.

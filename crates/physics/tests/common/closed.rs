@@ -153,7 +153,7 @@ impl Timber {
     pub fn stiffness<const D: usize>(&self, section: Section) -> Stiffness<D> {
         let a = self.expansion();
         let voigt = [a[0][0], a[1][1], a[2][2], 2.0 * a[1][2], 2.0 * a[0][2], 2.0 * a[0][1]];
-        Stiffness::new(&rotate(&self.constants.voigt().expect("a stable material"), &self.axes), &voigt, section)
+        Stiffness::new(&rotate(&self.constants.voigt().expect("a stable material"), &transpose(self.axes)), &voigt, section)
     }
     pub fn linear<const D: usize>(self, section: Section) -> Local<D> {
         Arc::new(move |f, t| self.energy(section, small_strain(f), t))

@@ -2,7 +2,9 @@
 //! table of models is plain data.
 #![allow(dead_code)]
 
+pub mod any;
 pub mod closed;
+pub mod counting;
 pub mod table;
 
 use physics::family::{Configuration, Family, Reference};
@@ -150,6 +152,11 @@ impl<const D: usize> Body<D> {
         }
         self
     }
+    /// Volumes per the measure of a section (area of a bar, thickness of a plane).
+    pub fn per(mut self, measure: f64) -> Self {
+        self.coordinates.chunks_mut(ROW).for_each(|row| row[3] *= measure);
+        self
+    }
     /// Stores an influence per bond, not the same in both directions.
     pub fn weighted(mut self) -> Self {
         self.weight = (0..self.neighbor.len()).map(|_| 0.0).collect();
@@ -286,8 +293,6 @@ pub struct Slopes<const D: usize> {
 
 /// A model with its constants, whatever its types.
 pub trait Model<const D: usize> {
-    fn conservative(&self) -> bool;
-    fn bond_words(&self) -> usize;
     fn stored(&self) -> bool;
     /// Evaluates everything; the number is what `count` grew by meanwhile.
     fn measure(&self, body: &Body<D>, u: &[f64], with: With, count: fn() -> usize) -> (Evaluation<D>, usize);
@@ -372,12 +377,6 @@ impl<M, const D: usize> Model<D> for Case<M, M::Constants>
 where
     M: Material<D>,
 {
-    fn conservative(&self) -> bool {
-        M::CONSERVATIVE
-    }
-    fn bond_words(&self) -> usize {
-        M::BOND_MEMORY
-    }
     fn stored(&self) -> bool {
         M::STORED_INFLUENCE
     }
@@ -398,6 +397,8 @@ where
         match with {
             With::Scalars => sweep.run::<f64>(),
             With::WidestLanes => lanes::widest(sweep),
+            // the portable lanes do not tell influences apart: asked once, to keep the compiler's time bearable
+            With::PortableLanes if M::STORED_INFLUENCE => lanes::widest(sweep),
             With::PortableLanes => lanes::portable(sweep),
         }
         let grown = count() - before;
