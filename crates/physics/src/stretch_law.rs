@@ -131,8 +131,9 @@ impl Tabulated {
         let spacing = (last - first) / intervals as f64;
         // a range that ends at a multiple of the spacing up to round-off needs no further interval
         let reach = |s: f64| (s / spacing - 1e-9).ceil().max(0.0) as usize;
-        let (below, above) = (reach(-first), reach(last));
-        let intervals = (below + above).max(1);
+        // an interval above 0 at least, or 0 would be reached from below with round-off
+        let (below, above) = (reach(-first), reach(last).max(1));
+        let intervals = below + above;
         let at = |k: usize| spacing * (k as f64 - below as f64);
         let force: Arc<[f64]> = (0..=intervals).map(|k| g(at(k))).collect();
         let mut sum = 0.0;
