@@ -154,7 +154,8 @@ impl Orthotropic {
 const PAIRS: [[(usize, usize); 6]; 3] =
     [[(0, 0); 6], [(0, 0), (1, 1), (0, 1), (0, 0), (0, 0), (0, 0)], [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]];
 
-/// Stiffness rotated into axes whose columns are the material axes in space: C′ = R R C Rᵀ Rᵀ.
+/// Stiffness, given in the axes of the material, in the axes of space. `axes[k]` is the unit vector of material axis `k` in
+/// space.
 pub fn rotate(c: &[[f64; 6]; 6], axes: &[[f64; 3]; 3]) -> [[f64; 6]; 6] {
     // bond matrix M of stress: σ′ = M σ; C′ = M C Mᵀ
     let r = |i: usize, k: usize| axes[k][i];

@@ -21,7 +21,7 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     const BOND_MEMORY: usize = 0;
     /// Whether the force depends on the velocities.
     const RATE: bool = false;
-    /// Whether the force state is the derivative of the energy density (at fixed history, velocity and temperature).
+    /// Whether the force state is the derivative of the energy density (at rest, at fixed history and temperature).
     const CONSERVATIVE: bool = true;
     /// Whether the influence is stored with the bonds.
     const STORED_INFLUENCE: bool;

@@ -114,21 +114,30 @@ impl StretchLaw for ElasticPlastic {
     }
 }
 
-/// A law given by values at equally spaced stretches, linear between them and beyond the ends.
+/// A law given by values at equally spaced stretches, linear between them and beyond the ends. One of them is s = 0, so that
+/// a table of a law with g(0) = 0 has exactly no force in the reference state.
 #[derive(Clone, Debug)]
 pub struct Tabulated {
-    first: f64,
+    /// Intervals below s = 0.
+    below: usize,
     spacing: f64,
     force: Arc<[f64]>,
     potential: Arc<[f64]>,
 }
 impl Tabulated {
-    /// Samples `g` at `intervals + 1` stretches from `first` to `last`; the potential is zero at s = 0.
+    /// Samples `g` at stretches (last − first)/intervals apart that cover `first` to `last` and include 0, where the
+    /// potential is zero.
     pub fn new(first: f64, last: f64, intervals: usize, g: impl Fn(f64) -> f64) -> Self {
         let spacing = (last - first) / intervals as f64;
-        let force: Arc<[f64]> = (0..=intervals).map(|k| g(first + spacing * k as f64)).collect();
+        // a range that ends at a multiple of the spacing up to round-off needs no further interval
+        let reach = |s: f64| (s / spacing - 1e-9).ceil().max(0.0) as usize;
+        // an interval above 0 at least, or 0 would be reached from below with round-off
+        let (below, above) = (reach(-first), reach(last).max(1));
+        let intervals = below + above;
+        let at = |k: usize| spacing * (k as f64 - below as f64);
+        let force: Arc<[f64]> = (0..=intervals).map(|k| g(at(k))).collect();
         let mut sum = 0.0;
-        let potential = (0..=intervals)
+        let work: Vec<f64> = (0..=intervals)
             .map(|k| {
                 if k > 0 {
                     sum += 0.5 * (force[k - 1] + force[k]) * spacing;
@@ -136,17 +145,16 @@ impl Tabulated {
                 sum
             })
             .collect();
-        let mut table = Tabulated { first, spacing, force, potential };
-        let at_zero = table.evaluate(0.0).0;
-        table.potential = table.potential.iter().map(|p| p - at_zero).collect();
-        table
+        let potential = work.iter().map(|w| w - work[below]).collect();
+        Tabulated { below, spacing, force, potential }
     }
     /// Potential, force and slope.
     #[inline(always)]
     fn evaluate(&self, s: f64) -> (f64, f64, f64) {
-        let position = (s - self.first) / self.spacing;
+        let below = self.below as f64;
+        let position = s / self.spacing + below;
         let k = (position.max(0.0) as usize).min(self.force.len() - 2);
-        let ds = s - (self.first + self.spacing * k as f64);
+        let ds = s - self.spacing * (k as f64 - below);
         let slope = (self.force[k + 1] - self.force[k]) / self.spacing;
         (self.potential[k] + ds * (self.force[k] + 0.5 * slope * ds), self.force[k] + slope * ds, slope)
     }
@@ -212,5 +220,19 @@ mod tests {
         assert!((law.force(0.05, |_| 0.0) - (0.05 - 0.0075)).abs() < 1e-15);
         // potential s²/2 − s³, trapezoidal error h²/12·f″·s
         assert!((law.potential(0.1, |_| 0.0) - (0.005 - 0.001)).abs() < 1e-6 * 0.06);
+    }
+
+    #[test]
+    fn a_table_has_no_force_at_no_stretch() {
+        // neither the ends nor the number of intervals are made for a knot at 0
+        for (first, last, n) in [(-0.2, 0.2, 37), (-0.13, 0.4, 11), (0.05, 0.1, 3), (-0.3, -0.1, 7)] {
+            let law = Tabulated::new(first, last, n, |s| s - 2.0 * s * s);
+            assert_eq!((law.force(0.0, |_| 0.0), law.potential(0.0, |_| 0.0)), (0.0, 0.0), "{first} {last} {n}");
+            let h = (last - first) / n as f64;
+            for s in [first, last, 0.5 * (first + last)] {
+                // interpolation error of a parabola: at most 2·h²/4 between knots
+                assert!((law.force(s, |_| 0.0) - (s - 2.0 * s * s)).abs() <= 0.51 * h * h, "{first} {last} {s}");
+            }
+        }
     }
 }

@@ -37,7 +37,7 @@ pub const FLAT_FAMILY: f64 = 1e-6;
 /// acts in the control too. K is rebuilt from the intact bonds when bonds break.
 ///
 /// # Verified by
-/// `physics/tests/contract.rs`, `bodies/tests/symbol.rs`, `decks/patch-tests`, `decks/checkerboard`, `decks/plate-with-hole`.
+/// `physics/tests/contract.rs`, `physics/tests/symbol.rs`, `decks/patch-tests`, `decks/checkerboard`, `decks/plate-with-hole`.
 #[derive(Clone, Copy, Debug)]
 pub struct Correspondence<L, Z, I> {
     /// The constitutive law.

@@ -1,0 +1,197 @@
+//! The one table of models, laws, controls, sections and influences that every test of the contract asks.
+
+use super::any::{AnyConstants as Any, AnyLaw, AnyStretchLaw as Stretch};
+use super::closed::{self, Local};
+use super::{Case, Model};
+use physics::constitutive::{KelvinVoigtConstants, NeoHookeanConstants};
+use physics::elasticity::{Isotropic, Section, Stiffness};
+use physics::influence::{Influence, One, Stored};
+use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
+use physics::stretch_law::{Bilinear, ElasticPlastic, Tabulated};
+use physics::zero_energy::{self, Control, NoControl, Wan2019};
+
+/// E = 200 GPa, ν = 0.3.
+pub const STEEL: Isotropic = Isotropic { young: 200e9, poisson: 0.3 };
+/// α [1/K], large so that thermal strains are not small beside the others.
+pub const EXPANSION: f64 = 1e-4;
+/// τ [s].
+pub const RETARDATION: f64 = 0.25;
+
+/// What a rotation does to a model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rotation {
+    /// The energy is objective; moments about the current positions vanish.
+    Objective,
+    /// The law is one of small strain; moments about the reference positions vanish.
+    SmallStrain,
+    /// The law is objective, the fixed tensor of its control is not.
+    FixedControl,
+}
+
+/// A row: one material on one section.
+pub struct Row<const D: usize> {
+    pub name: String,
+    pub section: Section,
+    pub model: Box<dyn Model<D>>,
+    pub rotation: Rotation,
+    /// ψ(F, ΔT) in closed form, where affine deformations are exact in every family.
+    pub local: Option<Local<D>>,
+    /// Whether the temperature acts.
+    pub thermal: bool,
+    /// Whether the force depends on the velocities.
+    pub viscous: bool,
+    /// Whether the force state is the derivative of the energy.
+    pub conservative: bool,
+    /// Words of history a bond keeps.
+    pub words: usize,
+}
+
+/// The sections of a dimension.
+pub fn sections<const D: usize>() -> Vec<Section> {
+    match D {
+        1 => vec![Section::Bar { area: 2e-6 }],
+        2 => vec![Section::PlaneStrain { thickness: 3e-3 }, Section::PlaneStress { thickness: 3e-3 }],
+        _ => vec![Section::Solid],
+    }
+}
+
+fn section_name(s: Section) -> &'static str {
+    match s {
+        Section::Bar { .. } => "bar",
+        Section::PlaneStrain { .. } => "plane strain",
+        Section::PlaneStress { .. } => "plane stress",
+        Section::Solid => "solid",
+    }
+}
+
+fn influence_name<I: Influence>() -> &'static str {
+    if I::STORED { "stored" } else { "constant" }
+}
+
+/// All rows of a dimension.
+pub fn rows<const D: usize>() -> Vec<Row<D>> {
+    let mut t = vec![];
+    for section in sections::<D>() {
+        let iso = Stiffness::isotropic(STEEL, EXPANSION, section);
+        let wood = closed::Timber::new::<D>();
+        let timber = wood.stiffness(section);
+        let small = Rotation::SmallStrain;
+        let finite = Rotation::Objective;
+        let local = |kind| closed::isotropic::<D>(kind, STEEL, EXPANSION, section);
+        use closed::Kind;
+        law(&mut t, section, "linear elastic", Any::Linear(iso), small, Some(local(Kind::Linear)));
+        law(&mut t, section, "orthotropic", Any::Linear(timber), small, Some(wood.linear(section)));
+        law(&mut t, section, "Saint-Venant–Kirchhoff", Any::SaintVenantKirchhoff(iso), finite, Some(local(Kind::SaintVenantKirchhoff)));
+        let wooden = Any::SaintVenantKirchhoff(timber);
+        law(&mut t, section, "orthotropic Saint-Venant–Kirchhoff", wooden, finite, Some(wood.finite(section)));
+        let soft = NeoHookeanConstants { elastic: STEEL, expansion: EXPANSION, section };
+        law(&mut t, section, "neo-Hookean", Any::NeoHookean(soft), finite, Some(local(Kind::NeoHookean)));
+        let viscous = KelvinVoigtConstants { stiffness: iso, retardation_time: RETARDATION };
+        law(&mut t, section, "Kelvin–Voigt", Any::KelvinVoigt(viscous), small, Some(local(Kind::Linear)));
+        law(&mut t, section, "Almansi", Any::Almansi((STEEL, section)), finite, None);
+        bonds(&mut t, section, "elastic", Stretch::Elastic);
+        bonds(&mut t, section, "tension only", Stretch::TensionOnly);
+        bonds(&mut t, section, "bilinear", Stretch::Bilinear(Bilinear { peak: 0.04, failure: 0.12 }));
+        bonds(&mut t, section, "elastic-plastic", Stretch::ElasticPlastic(ElasticPlastic { yield_stretch: 0.03 }));
+        bonds(&mut t, section, "tabulated", Stretch::Tabulated(Tabulated::new(-0.2, 0.2, 9, |s| s - 2.0 * s * s)));
+        if D > 1 {
+            solid(&mut t, section, One);
+            solid(&mut t, section, Stored);
+        }
+    }
+    t
+}
+
+/// A law with every control.
+fn law<const D: usize>(t: &mut Vec<Row<D>>, s: Section, name: &str, c: Any<D>, rotation: Rotation, local: Option<Local<D>>) {
+    use zero_energy::Isotropic::{Silling2017, Wan2019 as IsotropicWan2019};
+    let fixed = if rotation == Rotation::Objective { Rotation::FixedControl } else { rotation };
+    control(t, s, &format!("{name}, no control"), c, NoControl, rotation, local.clone());
+    control(t, s, &format!("{name}, Silling2017"), c, Silling2017 { strength: 0.7 }, rotation, local.clone());
+    control(t, s, &format!("{name}, isotropic Wan2019"), c, IsotropicWan2019, rotation, local.clone());
+    control(t, s, &format!("{name}, Wan2019"), c, Wan2019, fixed, local);
+}
+
+/// A law and a control with every influence (in three dimensions, which compile slowly, with the constant one).
+fn control<Z: Control<D>, const D: usize>(
+    t: &mut Vec<Row<D>>,
+    s: Section,
+    name: &str,
+    c: Any<D>,
+    control: Z,
+    rotation: Rotation,
+    local: Option<Local<D>>,
+) {
+    correspondence(t, s, name, Correspondence { law: AnyLaw, control: control.clone(), omega: One }, c, rotation, local.clone());
+    if const { D < 3 } {
+        correspondence(t, s, name, Correspondence { law: AnyLaw, control, omega: Stored }, c, rotation, local);
+    }
+}
+
+fn correspondence<Z: Control<D>, I: Influence, const D: usize>(
+    t: &mut Vec<Row<D>>,
+    section: Section,
+    name: &str,
+    model: Correspondence<AnyLaw, Z, I>,
+    c: Any<D>,
+    rotation: Rotation,
+    local: Option<Local<D>>,
+) {
+    let (viscous, hyperelastic) = c.constants_of_the_law();
+    t.push(Row {
+        name: format!("correspondence, {name}, {}, {} influence", section_name(section), influence_name::<I>()),
+        section,
+        rotation,
+        conservative: hyperelastic,
+        words: 0,
+        // a law known by its Cauchy stress has no thermal strain
+        thermal: hyperelastic,
+        viscous,
+        local,
+        model: Box::new(Case(model, c)),
+    });
+}
+
+/// A bond law with every influence.
+fn bonds<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, law: Stretch) {
+    // the section fixes Poisson's ratio
+    let constants = |continuum| BondBasedConstants { young: STEEL.young, section, continuum };
+    if const { D < 3 } {
+        bond_based(t, section, name, BondBased { law: law.clone(), omega: One }, constants(true));
+    }
+    bond_based(t, section, name, BondBased { law, omega: Stored }, constants(false));
+}
+
+fn bond_based<I: Influence, const D: usize>(
+    t: &mut Vec<Row<D>>,
+    section: Section,
+    name: &str,
+    model: BondBased<Stretch, I>,
+    c: BondBasedConstants,
+) {
+    t.push(Row {
+        name: format!("bond-based, {name}, {}, {} influence", section_name(section), influence_name::<I>()),
+        section,
+        rotation: Rotation::Objective,
+        conservative: true,
+        words: model.law.words(),
+        thermal: false,
+        viscous: false,
+        local: None,
+        model: Box::new(Case(model, c)),
+    });
+}
+
+fn solid<I: Influence, const D: usize>(t: &mut Vec<Row<D>>, section: Section, omega: I) {
+    t.push(Row {
+        name: format!("linear peridynamic solid, {}, {} influence", section_name(section), influence_name::<I>()),
+        section,
+        rotation: Rotation::Objective,
+        conservative: true,
+        words: 0,
+        thermal: false,
+        viscous: false,
+        local: None,
+        model: Box::new(Case(LinearPeridynamicSolid { omega }, LinearPeridynamicSolidConstants::new(STEEL, section))),
+    });
+}

@@ -1,0 +1,339 @@
+//! The Bloch symbol of an infinite lattice: what a plane wave of every wave vector costs.
+//!
+//! For `u(x) = U exp(i k·x)` a bond deforms by `η⟨ξ_b⟩ = e_b u`, `e_b = exp(i k·ξ_b) − 1`, and the second-order energy density
+//! is `½ Ū·S(k) U` with
+//!
+//! `S(k) = Σ_bc ē_b V_b (∂T⟨ξ_b⟩/∂Y⟨ξ_c⟩) e_c`.
+//!
+//! The derivatives come from jets through `state` and `force` of one interior family: no code here knows a model.
+
+mod common;
+
+use common::closed;
+use physics::constitutive::LinearElastic;
+use physics::elasticity::{Isotropic, Section, Stiffness};
+use physics::family::{Family, Reference};
+use physics::influence::{One, Stored};
+use physics::isotropy::fourth_moment_factors;
+use physics::material::Material;
+use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
+use physics::scalar::{Jet, ROW, Scalar};
+use physics::stretch_law::Elastic;
+use physics::tensor::{Vector, symmetric_eigen};
+use physics::zero_energy::{self, Control, NoControl, Wan2019};
+use std::f64::consts::PI;
+
+/// E = 1, ν = 1/4, on a lattice of unit spacing and volume.
+const SOLID: Isotropic = Isotropic { young: 1.0, poisson: 0.25 };
+/// Directions of one jet.
+const N: usize = 8;
+
+/// Section of unit measure, plane strain in two dimensions.
+fn section<const D: usize>() -> Section {
+    [Section::Bar { area: 1.0 }, Section::PlaneStrain { thickness: 1.0 }, Section::Solid][D - 1]
+}
+
+/// Bonds and tangent of one interior family.
+struct Lattice<const D: usize> {
+    bonds: Vec<[f64; D]>,
+    /// V_b ∂T_b,α/∂Y_c,β at ((b D + α) n + c) D + β
+    tangent: Vec<f64>,
+}
+
+impl<const D: usize> Lattice<D> {
+    fn new<M: Material<D>>(material: M, constants: M::Constants, delta: f64) -> Self {
+        Self::corrected(material, constants, delta, None)
+    }
+    /// With fourth-moment weights of the given power.
+    fn corrected<M: Material<D>>(material: M, constants: M::Constants, delta: f64, power: Option<i32>) -> Self {
+        let n = delta as i64 + 1;
+        let side = (2 * n + 1) as usize;
+        let bonds: Vec<[f64; D]> = (0..side.pow(D as u32))
+            .map(|q| std::array::from_fn(|k| (q / side.pow(k as u32) % side) as f64 - n as f64))
+            .filter(|x: &[f64; D]| {
+                let r = x.iter().map(|x| x * x).sum::<f64>().sqrt();
+                r > 0.0 && r <= delta * (1.0 + 1e-9)
+            })
+            .collect();
+        let list: Vec<([f64; D], f64)> = bonds.iter().map(|x| (*x, 1.0)).collect();
+        let mut body = common::Body::star(&list, delta, 1.0);
+        body.weight = vec![1.0; body.neighbor.len()];
+        if let Some(power) = power {
+            let bonds: Vec<(Vector<f64, D>, f64)> = bonds.iter().map(|x| (Vector(*x), 1.0)).collect();
+            let factors = fourth_moment_factors(&bonds, power).expect("a family that can be corrected");
+            body.weight[..factors.len()].copy_from_slice(&factors);
+        }
+        let rest = vec![0.0; body.points() * ROW];
+        let shape = material.shape(&constants, Reference::new(&body.view(&rest), 0)).expect("a full family");
+        let size = bonds.len() * D;
+        let mut tangent = vec![0.0; size * size];
+        for first in (0..size).step_by(N) {
+            let mut u = vec![Jet::<N>::of(0.0); body.points() * ROW];
+            for direction in first..size.min(first + N) {
+                // far point c is point c + 1
+                u[(direction / D + 1) * ROW + direction % D].slope[direction - first] = 1.0;
+            }
+            let view = body.view(&u);
+            let family = Family::<Jet<N>, D>::new(&view, 0);
+            let state = material.state(&constants, &shape, family);
+            family.each(|b| {
+                let t = material.force(&state, b) * b.volume();
+                for alpha in 0..D {
+                    for direction in first..size.min(first + N) {
+                        tangent[(b.slot() * D + alpha) * size + direction] = t.0[alpha].slope[direction - first];
+                    }
+                }
+            });
+        }
+        Lattice { bonds, tangent }
+    }
+
+    /// S(k): real and imaginary part. Real for a family with a centre of symmetry, which is not assumed.
+    fn symbol(&self, k: [f64; D]) -> [[[f64; D]; D]; 2] {
+        let e: Vec<[f64; 2]> = self
+            .bonds
+            .iter()
+            .map(|x| {
+                let (s, c) = (0..D).map(|a| k[a] * x[a]).sum::<f64>().sin_cos();
+                [c - 1.0, s]
+            })
+            .collect();
+        let size = self.bonds.len() * D;
+        let mut symbol = [[[0.0; D]; D]; 2];
+        for (row, tangent) in self.tangent.chunks(size).enumerate() {
+            let (b, alpha) = (e[row / D], row % D);
+            let mut sum = [[0.0; 2]; D];
+            for (column, t) in tangent.iter().enumerate() {
+                let c = e[column / D];
+                sum[column % D][0] += t * c[0];
+                sum[column % D][1] += t * c[1];
+            }
+            for beta in 0..D {
+                let [re, im] = sum[beta];
+                // times the conjugate of e_b
+                symbol[0][alpha][beta] += b[0] * re + b[1] * im;
+                symbol[1][alpha][beta] += b[0] * im - b[1] * re;
+            }
+        }
+        symbol
+    }
+
+    /// The D eigenvalues of the Hermitian S(k), ascending: every second one of the real symmetric matrix of twice the size.
+    fn eigenvalues(&self, k: [f64; D]) -> Vec<f64> {
+        let [re, im] = self.symbol(k);
+        let n = 2 * D;
+        let at = |i: usize, j: usize| match (i / D, j / D) {
+            (0, 0) | (1, 1) => re[i % D][j % D],
+            (0, _) => -im[i % D][j % D],
+            _ => im[i % D][j % D],
+        };
+        let matrix: Vec<f64> = (0..n * n).map(|q| 0.5 * (at(q / n, q % n) + at(q % n, q / n))).collect();
+        symmetric_eigen(&matrix, n).0.into_iter().step_by(2).collect()
+    }
+}
+
+/// Wave vectors of a grid over the Brillouin zone, components jπ/`n` with −n < j ≤ n, without k = 0: all that have
+/// components in {0, π} are among them.
+fn zone<const D: usize>(n: i64) -> Vec<[i64; D]> {
+    let side = 2 * n as usize;
+    (0..side.pow(D as u32))
+        .map(|q| std::array::from_fn(|k| (q / side.pow(k as u32) % side) as i64 - n + 1))
+        .filter(|k: &[i64; D]| k.iter().any(|&k| k != 0))
+        .collect()
+}
+
+/// Zero eigenvalues (below 1e-12 of the largest) at corners and elsewhere, and the smallest other eigenvalue over the largest.
+fn zeros<const D: usize>(lattice: &Lattice<D>, n: i64) -> (usize, usize, f64) {
+    let all: Vec<([i64; D], Vec<f64>)> =
+        zone::<D>(n).into_iter().map(|k| (k, lattice.eigenvalues(k.map(|j| j as f64 * PI / n as f64)))).collect();
+    let largest = all.iter().flat_map(|(_, e)| e).fold(0.0f64, |m, x| m.max(x.abs()));
+    let (mut corners, mut elsewhere, mut smallest) = (0, 0, f64::INFINITY);
+    for (k, e) in &all {
+        let corner = k.iter().all(|&j| j == 0 || j == n);
+        for x in e {
+            assert!(*x > -1e-12 * largest, "unstable at {k:?}");
+            if x.abs() < 1e-12 * largest {
+                if corner { corners += 1 } else { elsewhere += 1 }
+            } else {
+                smallest = smallest.min(x / largest);
+            }
+        }
+    }
+    (corners, elsewhere, smallest)
+}
+
+fn correspondence<Z: Control<D>, const D: usize>(control: Z, delta: f64) -> Lattice<D> {
+    let model = Correspondence { law: LinearElastic, control, omega: One };
+    Lattice::new(model, Stiffness::isotropic(SOLID, 0.0, section::<D>()), delta)
+}
+fn silling(strength: f64) -> zero_energy::Isotropic {
+    zero_energy::Isotropic::Silling2017 { strength }
+}
+fn bond_based<const D: usize>(delta: f64) -> Lattice<D> {
+    let c = BondBasedConstants { young: 1.0, section: section::<D>(), continuum: false };
+    Lattice::new(BondBased { law: Elastic, omega: One }, c, delta)
+}
+fn linear_solid<const D: usize>(delta: f64) -> Lattice<D> {
+    Lattice::new(LinearPeridynamicSolid { omega: One }, LinearPeridynamicSolidConstants::new(SOLID, section::<D>()), delta)
+}
+
+/// Only the conventional model has modes without energy, and it has all D of them at each of the 2^D − 1 corners k ≠ 0.
+#[test]
+fn number_of_zero_energy_modes() {
+    fn asked<const D: usize>(delta: f64, n: i64) {
+        let (corners, elsewhere, smallest) = zeros(&correspondence::<_, D>(NoControl, delta), n);
+        println!("{D}D, δ = {delta}: conventional {corners} + {elsewhere} zeros, smallest other eigenvalue {smallest:.1e} of the largest");
+        assert_eq!((corners, elsewhere), (D * ((1 << D) - 1), 0), "{D}D, δ = {delta}");
+        let mut others = vec![
+            ("Wan2019", correspondence::<_, D>(Wan2019, delta)),
+            ("isotropic Wan2019", correspondence::<_, D>(zero_energy::Isotropic::Wan2019, delta)),
+            ("Silling2017, G = 1", correspondence::<_, D>(silling(1.0), delta)),
+            ("Silling2017, G = 0.1", correspondence::<_, D>(silling(0.1), delta)),
+        ];
+        // nearest neighbours alone carry no shear in ordinary models: that is no matter of zero-energy control
+        if delta > 1.5 || D == 1 {
+            others.push(("bond-based", bond_based::<D>(delta)));
+        }
+        if delta > 1.5 && D > 1 {
+            others.push(("linear peridynamic solid", linear_solid::<D>(delta)));
+        }
+        for (name, lattice) in others {
+            let (corners, elsewhere, smallest) = zeros(&lattice, n);
+            println!("  {name}: {} zeros, smallest eigenvalue {smallest:.2e} of the largest", corners + elsewhere);
+            assert_eq!((corners, elsewhere), (0, 0), "{D}D, δ = {delta}, {name}");
+            assert!(smallest > 1e-4, "{D}D, δ = {delta}, {name}: {smallest}");
+        }
+    }
+    asked::<1>(1.1, 32);
+    asked::<1>(5.1, 32);
+    asked::<2>(1.1 * 2f64.sqrt(), 8);
+    asked::<2>(3.1 * 2f64.sqrt(), 8);
+    asked::<3>(1.8, 4);
+    asked::<3>(3.1, 4);
+}
+
+/// Away from the grid of corners the conventional model has more zeros: its symbol is that of a gradient whose response
+/// Σ ξ sin kξ changes sign within the zone, as 3(sin q − q cos q)/q³ does at q = kδ = 4.4934 in the continuum.
+#[test]
+fn the_conventional_gradient_also_vanishes_between_the_corners() {
+    let delta = 20.1;
+    let lattice = correspondence::<_, 1>(NoControl, delta);
+    // twenty points fill a continuum of half-width 20.5: the root of Σ n sin kn near 4.4934/δ, by bisection
+    let response = |k: f64| (1..=20).map(|n| n as f64 * (k * n as f64).sin()).sum::<f64>();
+    let (mut a, mut b) = (4.0 / delta, 5.0 / delta);
+    assert!(response(a) > 0.0 && response(b) < 0.0);
+    for _ in 0..60 {
+        let c = 0.5 * (a + b);
+        if response(c) > 0.0 { a = c } else { b = c }
+    }
+    let ratio = lattice.eigenvalues([a])[0] / lattice.eigenvalues([2.0 / delta])[0];
+    println!("zero within the zone at k δ = {:.4}, energy {ratio:.1e}", a * delta);
+    assert!(ratio.abs() < 1e-14 && (a * 20.5 / 4.4934 - 1.0).abs() < 1e-3);
+    assert!(correspondence::<_, 1>(Wan2019, delta).eigenvalues([a])[0] > 1e-2 * lattice.eigenvalues([2.0 / delta])[0]);
+}
+
+/// Long waves cost what they cost in the classical solid: S(k)/k² → C_ijkl n_j n_l.
+#[test]
+fn long_waves_are_classical() {
+    fn asked<const D: usize>(lattice: &Lattice<D>, name: &str, limit: f64) -> f64 {
+        let (e, n) = (SOLID.young, SOLID.poisson);
+        let (lambda, mu) = (e * n / ((1.0 + n) * (1.0 - 2.0 * n)), e / (2.0 * (1.0 + n)));
+        let mut worst = 0.0f64;
+        for direction in [[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [2.0 / 7.0, 3.0 / 7.0, 6.0 / 7.0]] {
+            let length = direction[..D].iter().map(|x| x * x).sum::<f64>().sqrt();
+            let n: [f64; D] = std::array::from_fn(|k| direction[k] / length);
+            let k = 1e-4;
+            let [re, im] = lattice.symbol(n.map(|x| k * x));
+            for a in 0..D {
+                for b in 0..D {
+                    let one = (a == b) as u8 as f64;
+                    let want = if D == 1 { e } else { (lambda + mu) * n[a] * n[b] + mu * one };
+                    let off = (re[a][b] / (k * k) - want).abs().max(im[a][b].abs() / (k * k)) / (lambda + 2.0 * mu);
+                    worst = worst.max(off);
+                }
+            }
+        }
+        println!("long waves, {name}: off by {worst:.1e}");
+        assert!(worst < limit, "{name}: {worst:.1e}");
+        worst
+    }
+    // truncation of order (kδ)² ≈ 1e-7
+    asked::<1>(&correspondence(NoControl, 5.1), "conventional 1D", 1e-6);
+    asked::<1>(&correspondence(Wan2019, 5.1), "Wan2019 1D", 1e-6);
+    asked::<1>(&bond_based(5.1), "bond-based 1D", 1e-6);
+    asked::<2>(&correspondence(NoControl, 3.1), "conventional 2D", 1e-6);
+    asked::<2>(&correspondence(Wan2019, 3.1), "Wan2019 2D", 1e-6);
+    asked::<2>(&correspondence(silling(1.0), 3.1), "Silling2017 2D", 1e-6);
+    asked::<3>(&correspondence(NoControl, 2.1), "conventional 3D", 1e-6);
+    asked::<3>(&correspondence(Wan2019, 2.1), "Wan2019 3D", 1e-6);
+    asked::<3>(&correspondence(silling(0.1), 2.1), "Silling2017 3D", 1e-6);
+    // ordinary models without fourth-moment weights: the anisotropy of the lattice, some per cent
+    let band = |x: f64| assert!(x > 1e-3, "an uncorrected lattice is not isotropic: {x:.1e}");
+    band(asked::<2>(&bond_based(3.1), "bond-based 2D", 0.02));
+    band(asked::<2>(&linear_solid(3.1), "linear peridynamic solid 2D", 0.02));
+    band(asked::<3>(&bond_based(3.1), "bond-based 3D", 0.08));
+    band(asked::<3>(&linear_solid(3.1), "linear peridynamic solid 3D", 0.08));
+    // with them, none
+    fn weighted<const D: usize>(delta: f64) {
+        let c = BondBasedConstants { young: 1.0, section: section::<D>(), continuum: false };
+        let bonds = Lattice::<D>::corrected(BondBased { law: Elastic, omega: Stored }, c, delta, Some(1));
+        asked::<D>(&bonds, &format!("bond-based {D}D with fourth-moment weights"), 1e-6);
+        let c = LinearPeridynamicSolidConstants::new(SOLID, section::<D>());
+        let solid = Lattice::<D>::corrected(LinearPeridynamicSolid { omega: Stored }, c, delta, Some(2));
+        asked::<D>(&solid, &format!("linear peridynamic solid {D}D with fourth-moment weights"), 1e-6);
+    }
+    weighted::<2>(3.1);
+    weighted::<3>(2.1);
+}
+
+/// Energy per point of u = ±e₁ at k = (π, …, π), to the digits of an independent implementation.
+#[test]
+fn checkerboard_energies() {
+    fn asked<const D: usize>(delta: f64, wan: f64, silling_1: f64) {
+        let energy = |lattice: Lattice<D>| 0.5 * lattice.symbol([PI; D])[0][0][0];
+        let conventional = energy(correspondence(NoControl, delta)).abs();
+        println!("{D}D, δ = {delta:.4}: conventional {conventional:.0e}");
+        assert!(conventional < 1e-29, "{D}D, δ = {delta}: {conventional:.1e}");
+        for (name, got, want) in [
+            ("Wan2019", energy(correspondence(Wan2019, delta)), wan),
+            ("isotropic Wan2019", energy(correspondence(zero_energy::Isotropic::Wan2019, delta)), wan),
+            ("Silling2017, G = 1", energy(correspondence(silling(1.0), delta)), silling_1),
+            ("Silling2017, G = 0.1", energy(correspondence(silling(0.1), delta)), 0.1 * silling_1),
+        ] {
+            println!("  {name}: {got:.6}, reference {want}");
+            assert!((got / want - 1.0).abs() < 6e-5, "{D}D, δ = {delta}, {name}: {got} {want}");
+        }
+    }
+    asked::<1>(1.1, 2.0, 6.0105);
+    asked::<1>(5.1, 0.10909, 0.18093);
+    asked::<2>(1.1 * 2f64.sqrt(), 2.1333, 4.1743);
+    asked::<2>(3.1 * 2f64.sqrt(), 0.34595, 0.52941);
+    asked::<3>(1.1, 12.0, 28.461);
+    asked::<3>(3.1, 1.1525, 1.8145);
+}
+
+/// The symbol of the conventional model in closed form, C(g, g) with g = K⁻¹ Σ ξ sin k·ξ, at a few wave vectors.
+#[test]
+fn conventional_symbol_by_hand() {
+    let lattice = correspondence::<_, 2>(NoControl, 3.1);
+    let (lambda, mu) = (0.4, 0.4);
+    for k in [[0.3, 0.1], [1.0, -2.0], [2.5, 3.0]] {
+        let (mut shape, mut g) = ([[0.0; 2]; 2], [0.0; 2]);
+        for x in &lattice.bonds {
+            for a in 0..2 {
+                g[a] += x[a] * (k[0] * x[0] + k[1] * x[1]).sin();
+                for b in 0..2 {
+                    shape[a][b] += x[a] * x[b];
+                }
+            }
+        }
+        let g = closed::solve(shape, g);
+        let square = g[0] * g[0] + g[1] * g[1];
+        for a in 0..2 {
+            for b in 0..2 {
+                let want = (lambda + mu) * g[a] * g[b] + mu * square * (a == b) as u8 as f64;
+                assert!((lattice.symbol(k)[0][a][b] - want).abs() < 1e-14, "{k:?}");
+            }
+        }
+    }
+}
