@@ -183,20 +183,6 @@ impl<const D: usize> Body<D> {
         self.gather(force, |c, q| c.force[q]);
     }
 
-    /// Internal forces by numbers of one bond at a time: slower, for comparison.
-    pub fn internal_force_plain(&mut self, u: &[f64], v: Option<&[f64]>, force: &mut [f64]) {
-        self.forward(u, v);
-        for (k, c) in self.chunks.iter_mut().enumerate() {
-            let mut rows = std::mem::take(&mut c.force);
-            rows.fill(0.0);
-            for part in &self.parts {
-                part.add_force_plain(k, &c.configuration(), &mut rows);
-            }
-            c.force = rows;
-        }
-        self.gather(force, |c, q| c.force[q]);
-    }
-
     /// `K x` with `K = −∂f/∂u` of the internal forces, exact.
     pub fn tangent_product(&mut self, u: &[f64], v: Option<&[f64]>, x: &[f64], out: &mut [f64]) {
         self.forward(u, v);

@@ -54,8 +54,6 @@ pub trait Part<const D: usize>: Send + Sync {
     fn restore_shapes(&mut self);
     /// Adds the force densities × volumes of the part's families to the rows of all local points [N].
     fn add_force(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]);
-    /// The same with portable numbers of one bond at a time (oracle).
-    fn add_force_plain(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]);
     /// The same with a derivative along a direction.
     fn add_force_dual(&self, chunk: usize, c: &Configuration<Dual>, force: &mut [Dual]);
     /// Energy density of the part's families, into the entries of owned points.
@@ -227,9 +225,6 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     }
     fn add_force(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]) {
         widest(Scatter { part: self, chunk, c, force });
-    }
-    fn add_force_plain(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]) {
-        self.scatter::<f64>(chunk, c, force);
     }
     fn add_force_dual(&self, chunk: usize, c: &Configuration<Dual>, force: &mut [Dual]) {
         self.scatter::<Dual>(chunk, c, force);

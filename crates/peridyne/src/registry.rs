@@ -9,15 +9,15 @@ use bodies::damage::Criterion;
 use bodies::loads::{self, Field, Kind, Wall};
 use bodies::part::{Assigned, Constants, Part};
 use bodies::structure::{Failure, Parts, Simulated, Structure, Temperature};
-use physics::constitutive::{self, FromCauchy, KelvinVoigtConstants, NeoHookeanConstants};
+use physics::constitutive::{self, FromCauchy, Hyperelastic, HyperelasticConstants, KelvinVoigtConstants, NeoHookeanConstants};
 use physics::elasticity::{self, Isotropic, Section, Stiffness};
 use physics::failure::{CrackPlane, continuum_critical_bond_energy, continuum_critical_stretch, crossing_energy};
 use physics::influence::{Influence, One, Radial, Stored};
 use physics::material::Material;
 use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
-use physics::stretch_law::{Bilinear, Elastic, ElasticPlastic, StretchLaw, Tabulated, TensionOnly};
+use physics::stretch_law::{Bilinear, Elastic, ElasticPlastic, Nonlinear, Tabulated};
 use physics::tensor::Vector;
-use physics::zero_energy::{self, NoControl, Wan2019};
+use physics::zero_energy::{self, Wan2019};
 
 /// A constant that was derived from the deck: name, value, unit (of the deck's system).
 pub type Derived = (String, f64, &'static str);
@@ -153,12 +153,11 @@ impl<const D: usize> Site<'_, D> {
     }
 }
 
+/// The types that models are compiled for. Where speed matters (elastic bonds, the linear solid, hyperelastic correspondence) a
+/// constant influence is a type of its own; elsewhere, and in one dimension, it is stored.
 fn part<const D: usize>(site: &Site<D>) -> Checked<Box<dyn Part<D>>> {
-    if stores_influence(site.problem, site.material) { part_with::<D, Stored>(site, Stored) } else { part_with::<D, One>(site, One) }
-}
-
-fn part_with<const D: usize, I: Influence>(site: &Site<D>, omega: I) -> Checked<Box<dyn Part<D>>> {
     let section = site.problem.section;
+    let stored = stores_influence(site.problem, site.material);
     match &site.material.model {
         Model::BondBased(b) => {
             check_bond_based_poisson(site, b)?;
@@ -166,19 +165,18 @@ fn part_with<const D: usize, I: Influence>(site: &Site<D>, omega: I) -> Checked<
                 let young = b.youngs_modulus.eval(x, 0.0);
                 Ok(BondBasedConstants { young, section, continuum: matches!(b.calibration, Calibration::Continuum) })
             })?;
-            fn made<const D: usize, G: StretchLaw, I: Influence>(site: &Site<D>, law: G, omega: I, c: Constants<BondBasedConstants>) -> Box<dyn Part<D>> {
-                site.assign(BondBased { law, omega }, c)
-            }
-            Ok(match &b.bond_law {
-                BondLaw::Elastic => made(site, Elastic, omega, constants),
-                BondLaw::TensionOnly => made(site, TensionOnly, omega, constants),
-                BondLaw::Bilinear(l) => made(site, Bilinear { peak: l.peak_stretch.value, failure: l.failure_stretch.value }, omega, constants),
-                BondLaw::ElasticPlastic(l) => made(site, ElasticPlastic { yield_stretch: l.yield_stretch.value }, omega, constants),
+            let law = match &b.bond_law {
+                BondLaw::Elastic if stored => return Ok(site.assign(BondBased { law: Elastic, omega: Stored }, constants)),
+                BondLaw::Elastic => return Ok(site.assign(BondBased { law: Elastic, omega: One }, constants)),
+                BondLaw::TensionOnly => Nonlinear::TensionOnly,
+                BondLaw::Bilinear(l) => Nonlinear::Bilinear(Bilinear { peak: l.peak_stretch.value, failure: l.failure_stretch.value }),
+                BondLaw::ElasticPlastic(l) => Nonlinear::ElasticPlastic(ElasticPlastic { yield_stretch: l.yield_stretch.value }),
                 BondLaw::Expression(l) => {
                     let [low, high] = l.range.each_ref().map(|q| q.value);
-                    made(site, Tabulated::new(low, high, 4096, |s| l.force.at(s)), omega, constants)
+                    Nonlinear::Tabulated(Tabulated::new(low, high, 4096, |s| l.force.at(s)))
                 }
-            })
+            };
+            Ok(site.assign(BondBased { law, omega: Stored }, constants))
         }
         Model::LinearPeridynamicSolid(l) => {
             if D == 1 {
@@ -187,38 +185,47 @@ fn part_with<const D: usize, I: Influence>(site: &Site<D>, omega: I) -> Checked<
             let e = &l.elasticity;
             let source = IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: l.span };
             let constants = site.constants(source.is_constant(), |x| Ok(LinearPeridynamicSolidConstants::new(source.at(x, section)?, section)))?;
-            Ok(site.assign(LinearPeridynamicSolid { omega }, constants))
+            Ok(if stored {
+                site.assign(LinearPeridynamicSolid { omega: Stored }, constants)
+            } else {
+                site.assign(LinearPeridynamicSolid { omega: One }, constants)
+            })
         }
-        Model::Correspondence(c) => match &c.law {
-            LawName::LinearElastic(e) => {
-                let constants = stiffness_constants(site, e)?;
-                controlled(site, constitutive::LinearElastic, constants, &c.control, omega)
-            }
-            LawName::SaintVenantKirchhoff(e) => {
-                let constants = stiffness_constants(site, e)?;
-                controlled(site, constitutive::SaintVenantKirchhoff, constants, &c.control, omega)
-            }
-            LawName::KelvinVoigt(k) => {
-                let uniform = k.retardation_time.constant().is_some() && is_constant(&k.elasticity);
-                let constants = site.constants(uniform, |x| {
-                    let stiffness = stiffness_at::<D>(&k.elasticity, x, section)?;
-                    Ok(KelvinVoigtConstants { stiffness, retardation_time: k.retardation_time.eval(x, 0.0) })
-                })?;
-                controlled(site, constitutive::KelvinVoigt, constants, &c.control, omega)
-            }
-            LawName::NeoHookean(e) => {
-                let source = IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span };
-                let constants = site.constants(source.is_constant(), |x| {
-                    Ok(NeoHookeanConstants { elastic: source.at(x, section)?, expansion: 0.0, section })
-                })?;
-                controlled(site, constitutive::NeoHookean, constants, &c.control, omega)
-            }
-            LawName::Almansi(e) => {
-                let source = IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span };
-                let constants = site.constants(source.is_constant(), |x| Ok((source.at(x, section)?, section)))?;
-                controlled(site, FromCauchy(constitutive::Almansi), constants, &c.control, omega)
-            }
-        },
+        Model::Correspondence(c) => {
+            let hyperelastic = |constants: Constants<HyperelasticConstants<D>>| -> Box<dyn Part<D>> {
+                if stored { controlled(site, Hyperelastic, constants, &c.control, Stored) } else { controlled(site, Hyperelastic, constants, &c.control, One) }
+            };
+            Ok(match &c.law {
+                LawName::LinearElastic(e) => {
+                    hyperelastic(site.constants(is_constant(e), |x| Ok(HyperelasticConstants::LinearElastic(stiffness_at::<D>(e, x, section)?)))?)
+                }
+                LawName::SaintVenantKirchhoff(e) => {
+                    hyperelastic(site.constants(is_constant(e), |x| Ok(HyperelasticConstants::SaintVenantKirchhoff(stiffness_at::<D>(e, x, section)?)))?)
+                }
+                LawName::NeoHookean(e) => {
+                    let source = IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span };
+                    hyperelastic(site.constants(source.is_constant(), |x| {
+                        Ok(HyperelasticConstants::NeoHookean(NeoHookeanConstants { elastic: source.at(x, section)?, expansion: 0.0, section }))
+                    })?)
+                }
+                LawName::KelvinVoigt(k) => {
+                    let uniform = k.retardation_time.constant().is_some() && is_constant(&k.elasticity);
+                    let constants = site.constants(uniform, |x| {
+                        let stiffness = stiffness_at::<D>(&k.elasticity, x, section)?;
+                        Ok(KelvinVoigtConstants { stiffness, retardation_time: k.retardation_time.eval(x, 0.0) })
+                    })?;
+                    controlled(site, constitutive::KelvinVoigt, constants, &c.control, Stored)
+                }
+                LawName::Almansi(e) => {
+                    if let Some(t) = &site.problem.deck.temperature {
+                        return Err(vec![Issue::new(t.span, "the law `almansi` knows no temperature", "use another law, or remove `temperature`")]);
+                    }
+                    let source = IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span };
+                    let constants = site.constants(source.is_constant(), |x| Ok((source.at(x, section)?, section)))?;
+                    controlled(site, FromCauchy(constitutive::Almansi), constants, &c.control, Stored)
+                }
+            })
+        }
     }
 }
 
@@ -228,16 +235,15 @@ fn controlled<const D: usize, L: constitutive::Law<D>, I: Influence>(
     constants: Constants<L::Constants>,
     control: &Control,
     omega: I,
-) -> Checked<Box<dyn Part<D>>> {
-    Ok(match control {
-        Control::None => site.assign(Correspondence { law, control: NoControl, omega }, constants),
-        Control::Wan2019 => site.assign(Correspondence { law, control: Wan2019, omega }, constants),
-        Control::Wan2019Objective => site.assign(Correspondence { law, control: zero_energy::Isotropic::Wan2019, omega }, constants),
-        Control::Silling2017(s) => {
-            let control = zero_energy::Isotropic::Silling2017 { strength: s.strength.value };
-            site.assign(Correspondence { law, control, omega }, constants)
-        }
-    })
+) -> Box<dyn Part<D>> {
+    let isotropic = match control {
+        // in one dimension the tensor is a number
+        Control::Wan2019 if D > 1 => return site.assign(Correspondence { law, control: Wan2019, omega }, constants),
+        Control::None => zero_energy::Isotropic::None,
+        Control::Wan2019 | Control::Wan2019Objective => zero_energy::Isotropic::Wan2019,
+        Control::Silling2017(s) => zero_energy::Isotropic::Silling2017 { strength: s.strength.value },
+    };
+    site.assign(Correspondence { law, control: isotropic, omega }, constants)
 }
 
 fn check_bond_based_poisson<const D: usize>(site: &Site<D>, b: &deck::BondBased) -> Checked<()> {
@@ -310,10 +316,6 @@ fn is_constant(e: &deck::Elasticity) -> bool {
     let isotropic = [&e.youngs_modulus, &e.bulk_modulus, &e.shear_modulus].into_iter().flatten().all(|f| f.constant().is_some())
         && e.poisson_ratio.as_ref().is_none_or(|f| f.constant().is_some());
     tables && orientation && expansion && isotropic
-}
-
-fn stiffness_constants<const D: usize>(site: &Site<D>, e: &deck::Elasticity) -> Checked<Constants<Stiffness<D>>> {
-    site.constants(is_constant(e), |x| stiffness_at::<D>(e, x, site.problem.section))
 }
 
 /// The stiffness of the section at a place: constants, orientation and thermal expansion.
@@ -412,7 +414,12 @@ fn influence_of(m: &deck::Material) -> (&InfluenceName, bool) {
 
 fn stores_influence(problem: &Problem, m: &deck::Material) -> bool {
     let (influence, corrected) = influence_of(m);
-    corrected || !matches!(influence, InfluenceName::Constant) || matches!(problem.deck.body.partial_volumes, deck::PartialVolumes::Linear)
+    let always = match &m.model {
+        Model::BondBased(b) => !matches!(b.bond_law, BondLaw::Elastic),
+        Model::Correspondence(c) => matches!(c.law, LawName::KelvinVoigt(_) | LawName::Almansi(_)),
+        Model::LinearPeridynamicSolid(_) => false,
+    };
+    always || problem.section.dimension() == 1 || corrected || !matches!(influence, InfluenceName::Constant) || matches!(problem.deck.body.partial_volumes, deck::PartialVolumes::Linear)
 }
 
 /// Stored influences: the function itself, the share of a neighbour's volume inside the horizon, and the correction of the

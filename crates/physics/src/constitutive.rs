@@ -5,12 +5,14 @@ use crate::scalar::Scalar;
 use crate::tensor::Matrix;
 
 mod almansi;
+mod hyperelastic;
 mod kelvin_voigt;
 mod linear_elastic;
 mod neo_hookean;
 mod saint_venant_kirchhoff;
 
 pub use almansi::Almansi;
+pub use hyperelastic::{Hyperelastic, HyperelasticConstants};
 pub use kelvin_voigt::{KelvinVoigt, KelvinVoigtConstants};
 pub use linear_elastic::LinearElastic;
 pub use neo_hookean::{NeoHookean, NeoHookeanConstants};

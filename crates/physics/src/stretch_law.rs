@@ -182,6 +182,48 @@ impl StretchLaw for Tabulated {
     }
 }
 
+/// One of the laws that are not plainly elastic, so that models need not be compiled once for every one.
+#[derive(Clone, Debug)]
+pub enum Nonlinear {
+    /// [`TensionOnly`].
+    TensionOnly,
+    /// [`Bilinear`].
+    Bilinear(Bilinear),
+    /// [`ElasticPlastic`].
+    ElasticPlastic(ElasticPlastic),
+    /// [`Tabulated`].
+    Tabulated(Tabulated),
+}
+impl StretchLaw for Nonlinear {
+    const BOND_MEMORY: usize = 1;
+    #[inline(always)]
+    fn force<S: Scalar>(&self, s: S, past: impl Fn(usize) -> S) -> S {
+        match self {
+            Nonlinear::TensionOnly => TensionOnly.force(s, past),
+            Nonlinear::Bilinear(law) => law.force(s, past),
+            Nonlinear::ElasticPlastic(law) => law.force(s, past),
+            Nonlinear::Tabulated(law) => law.force(s, past),
+        }
+    }
+    #[inline(always)]
+    fn potential<S: Scalar>(&self, s: S, past: impl Fn(usize) -> S) -> S {
+        match self {
+            Nonlinear::TensionOnly => TensionOnly.potential(s, past),
+            Nonlinear::Bilinear(law) => law.potential(s, past),
+            Nonlinear::ElasticPlastic(law) => law.potential(s, past),
+            Nonlinear::Tabulated(law) => law.potential(s, past),
+        }
+    }
+    fn commit(&self, s: f64, memory: &mut [f64]) {
+        match self {
+            Nonlinear::TensionOnly => TensionOnly.commit(s, memory),
+            Nonlinear::Bilinear(law) => law.commit(s, memory),
+            Nonlinear::ElasticPlastic(law) => law.commit(s, memory),
+            Nonlinear::Tabulated(law) => law.commit(s, memory),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

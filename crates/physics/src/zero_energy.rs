@@ -53,6 +53,8 @@ impl<const D: usize> Control<D> for NoControl {
 /// A = s 1: frame indifferent.
 #[derive(Clone, Copy, Debug)]
 pub enum Isotropic {
+    /// s = 0: no control, in a type that can also have one.
+    None,
     /// Silling, Comput. Methods Appl. Mech. Engrg. 322 (2017) 42–57, in the dimensionally right form
     /// s = G (c/δ)/ω̄ with ω̄ = ∫ω dV′/∫dV′ and the micromodulus c of the bond-based solid with ω = 1.
     Silling2017 {
@@ -79,6 +81,7 @@ impl<const D: usize> Control<D> for Isotropic {
     type State<R: Scalar> = R;
     fn shape<I: Influence>(&self, c: &Stiffness<D>, inverse: &Matrix<f64, D>, omega: I, h: Reference<D>) -> f64 {
         match *self {
+            Isotropic::None => 0.0,
             Isotropic::Silling2017 { strength } => {
                 let (weighted, volume) = h.integrate(|b| (omega.at(b), 1.0));
                 strength * micromodulus(c, h.horizon()) / h.horizon() * volume / weighted
