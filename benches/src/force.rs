@@ -116,7 +116,11 @@ fn main() {
     type Model<'a> = (&'a str, &'a dyn Fn(&Body<3>) -> Box<dyn Part<3>>, Box<dyn Fn(&mut [f64]) + 'a>);
     let models: [Model; 3] = [
         ("bond-based", &bond_based, Box::new(|f| yardstick::bond_based(&lists, &y, c, f))),
-        ("linear peridynamic solid", &linear_solid, Box::new(|f| yardstick::linear_solid(&lists, &y, &m, elastic.bulk(), elastic.shear(), f))),
+        (
+            "linear peridynamic solid",
+            &linear_solid,
+            Box::new(|f| yardstick::linear_solid(&lists, &y, &m, elastic.bulk(), elastic.shear(), f)),
+        ),
         (
             "correspondence + control",
             &correspondence,

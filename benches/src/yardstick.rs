@@ -72,9 +72,8 @@ pub fn correspondence(l: &Lists, y: &[f64], inverse: &[[f64; 9]], lambda: f64, m
                 }
             }
         }
-        let product = |a: &[f64; 9], b: &[f64; 9]| -> [f64; 9] {
-            std::array::from_fn(|k| (0..3).map(|m| a[k / 3 * 3 + m] * b[m * 3 + k % 3]).sum())
-        };
+        let product =
+            |a: &[f64; 9], b: &[f64; 9]| -> [f64; 9] { std::array::from_fn(|k| (0..3).map(|m| a[k / 3 * 3 + m] * b[m * 3 + k % 3]).sum()) };
         let g = product(&a, &inverse[i]);
         let transposed: [f64; 9] = std::array::from_fn(|k| g[k % 3 * 3 + k / 3]);
         let mut e = product(&transposed, &g);

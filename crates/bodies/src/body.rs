@@ -134,7 +134,7 @@ impl<const D: usize> Body<D> {
             c.memory_words = point_words;
             c.memory = vec![0.0; point_words * c.owned];
             c.bond_memory = vec![0.0; bond_words * c.neighbor.len()];
-            c.velocity = vec![0.0; if velocity { c.points.len() * ROW } else { 0 }];
+            c.velocity = crate::chunk::Rows::zeros(if velocity { c.points.len() * ROW } else { 0 });
         }
         let mut singular = vec![];
         for part in &mut self.parts {
@@ -287,8 +287,7 @@ impl<const D: usize> Body<D> {
             for i in 0..c.owned {
                 let mut least = f64::INFINITY;
                 physics::family::Family::<f64, D>::new(&view, i).each(|b| {
-                    use physics::family::Undeformed;
-                    least = least.min(1.0 + b.extension().0 / b.length());
+                    least = least.min(1.0 + b.stretch().0);
                 });
                 if least.is_finite() {
                     out[i] = least;

@@ -56,10 +56,7 @@ impl CellList {
             coordinates: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
         };
         if total <= 4 * n as u128 + 1024 {
-            let cell: Vec<u32> = position
-                .iter()
-                .map(|x| list.key(list.cell(x)) as u32)
-                .collect();
+            let cell: Vec<u32> = position.iter().map(|x| list.key(list.cell(x)) as u32).collect();
             let mut start = vec![0u32; total as usize + 1];
             for &c in &cell {
                 start[c as usize + 1] += 1;
@@ -75,11 +72,7 @@ impl CellList {
             }
             list.table = Table::Dense(start);
         } else {
-            let mut keyed: Vec<(u128, u32)> = position
-                .iter()
-                .enumerate()
-                .map(|(i, x)| (list.key(list.cell(x)), i as u32))
-                .collect();
+            let mut keyed: Vec<(u128, u32)> = position.iter().enumerate().map(|(i, x)| (list.key(list.cell(x)), i as u32)).collect();
             keyed.sort_unstable();
             let mut keys = Vec::new();
             let mut start = Vec::new();
@@ -124,19 +117,13 @@ impl CellList {
     }
 
     fn key(&self, cell: [usize; 3]) -> u128 {
-        (cell[0] as u128 * self.counts[1] as u128 + cell[1] as u128) * self.counts[2] as u128
-            + cell[2] as u128
+        (cell[0] as u128 * self.counts[1] as u128 + cell[1] as u128) * self.counts[2] as u128 + cell[2] as u128
     }
 
     /// Calls `visit` with runs of slots that together hold every point within `radius` of `x` (components in the list's order),
     /// and some that are farther.
     #[inline]
-    pub(crate) fn runs(
-        &self,
-        x: [f64; 3],
-        radius: f64,
-        mut visit: impl FnMut(std::ops::Range<usize>),
-    ) {
+    pub(crate) fn runs(&self, x: [f64; 3], radius: f64, mut visit: impl FnMut(std::ops::Range<usize>)) {
         // A row is skipped only if it is out of reach by more than rounding can explain.
         let radius = radius * (1.0 + 1e-6);
         let first = [0, 1, 2].map(|k| self.index(k, x[k] - radius));
@@ -196,9 +183,5 @@ pub(crate) fn bounds(position: &[[f64; 3]], axis: usize) -> (f64, f64) {
     let Some(first) = position.first() else {
         return (0.0, 0.0);
     };
-    position
-        .iter()
-        .fold((first[axis], first[axis]), |(a, b), x| {
-            (a.min(x[axis]), b.max(x[axis]))
-        })
+    position.iter().fold((first[axis], first[axis]), |(a, b), x| (a.min(x[axis]), b.max(x[axis])))
 }

@@ -16,6 +16,41 @@ pub struct Link {
     pub weight: f64,
 }
 
+/// Rows of numbers that begin at a cache line, so that no row of 32 bytes lies across two: such loads and stores take twice as long.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Rows {
+    data: Vec<f64>,
+    offset: usize,
+    length: usize,
+}
+
+impl Rows {
+    const LINE: usize = 64;
+    /// `length` zeros.
+    pub(crate) fn zeros(length: usize) -> Self {
+        let data = vec![0.0; length + Self::LINE / size_of::<f64>()];
+        // the vector never grows, so the place found now stays
+        let offset = data.as_ptr().align_offset(Self::LINE);
+        Rows { data, offset, length }
+    }
+    fn of(values: &[f64]) -> Self {
+        let mut rows = Self::zeros(values.len());
+        rows.copy_from_slice(values);
+        rows
+    }
+}
+impl std::ops::Deref for Rows {
+    type Target = [f64];
+    fn deref(&self) -> &[f64] {
+        &self.data[self.offset..self.offset + self.length]
+    }
+}
+impl std::ops::DerefMut for Rows {
+    fn deref_mut(&mut self) -> &mut [f64] {
+        &mut self.data[self.offset..self.offset + self.length]
+    }
+}
+
 /// The arrays of one chunk. Local points: the `owned` ones first, then the halo (other points, and mirror images).
 pub struct Chunk<const D: usize> {
     /// First point (in sorted order) that the chunk owns.
@@ -26,7 +61,7 @@ pub struct Chunk<const D: usize> {
     pub(crate) points: Vec<u32>,
     /// Reflected components of each local point.
     pub(crate) flips: Vec<u8>,
-    pub(crate) coordinates: Vec<f64>,
+    pub(crate) coordinates: Rows,
     pub(crate) horizon: Vec<f64>,
     pub(crate) start: Vec<u32>,
     /// Bonds of each owned point, broken ones included, padding not.
@@ -36,9 +71,9 @@ pub struct Chunk<const D: usize> {
     pub(crate) weight: Vec<f64>,
     pub(crate) intact: Vec<u8>,
     pub(crate) temperature: Vec<f64>,
-    pub(crate) displacement: Vec<f64>,
-    pub(crate) velocity: Vec<f64>,
-    pub(crate) force: Vec<f64>,
+    pub(crate) displacement: Rows,
+    pub(crate) velocity: Rows,
+    pub(crate) force: Rows,
     /// Displacement and force with one derivative each, made at the first tangent product.
     pub(crate) dual_displacement: Vec<Dual>,
     pub(crate) dual_force: Vec<Dual>,
@@ -66,7 +101,7 @@ impl<const D: usize> Chunk<D> {
             owned,
             points: (first..first + owned).map(|p| p as u32).collect(),
             flips: vec![0; owned],
-            coordinates: vec![],
+            coordinates: Rows::default(),
             horizon: vec![],
             start: vec![0],
             count: vec![],
@@ -75,9 +110,9 @@ impl<const D: usize> Chunk<D> {
             weight: vec![],
             intact: vec![],
             temperature: vec![],
-            displacement: vec![],
-            velocity: vec![],
-            force: vec![],
+            displacement: Rows::default(),
+            velocity: Rows::default(),
+            force: Rows::default(),
             dual_displacement: vec![],
             dual_force: vec![],
             memory: vec![],
@@ -134,18 +169,18 @@ impl<const D: usize> Chunk<D> {
         for p in &c.points {
             seen[*p as usize] = u32::MAX;
         }
+        let mut coordinates = Vec::with_capacity(c.points.len() * ROW);
         for (l, p) in c.points.iter().enumerate() {
             let mut row = [0.0; ROW];
             row[..D].copy_from_slice(&ends[l][..D]);
             row[VOLUME_WORD] = volume[*p as usize];
-            c.coordinates.extend(row);
+            coordinates.extend(row);
             c.horizon.push(horizon[*p as usize]);
         }
-        c.displacement = vec![0.0; c.points.len() * ROW];
-        c.force = vec![0.0; c.points.len() * ROW];
-        for v in [&mut c.neighbor] {
-            v.shrink_to_fit();
-        }
+        c.coordinates = Rows::of(&coordinates);
+        c.displacement = Rows::zeros(c.points.len() * ROW);
+        c.force = Rows::zeros(c.points.len() * ROW);
+        c.neighbor.shrink_to_fit();
         c.length.shrink_to_fit();
         c.weight.shrink_to_fit();
         c

@@ -62,9 +62,7 @@ pub enum CrackError {
         crack: Crack,
     },
     /// It has no length or area.
-    #[error(
-        "crack {number}: {crack:?} is degenerate; length, area, normal and radius must not vanish"
-    )]
+    #[error("crack {number}: {crack:?} is degenerate; length, area, normal and radius must not vanish")]
     Degenerate {
         /// Place in the list, from 0.
         number: usize,
@@ -103,71 +101,32 @@ impl Crack {
     fn surface(&self) -> Option<Surface> {
         let lift = |p: [f64; 2]| [p[0], p[1], 0.0];
         let (origin, normal, extent, size, corners) = match *self {
-            Crack::Point { at } => (
-                [at, 0.0, 0.0],
-                [1.0, 0.0, 0.0],
-                Extent::Unbounded,
-                0.0,
-                vec![[at, 0.0, 0.0]],
-            ),
+            Crack::Point { at } => ([at, 0.0, 0.0], [1.0, 0.0, 0.0], Extent::Unbounded, 0.0, vec![[at, 0.0, 0.0]]),
             Crack::Segment { from, to } => {
                 let edge = lift(sub2(to, from));
                 let normal = [-edge[1], edge[0], 0.0];
-                (
-                    lift(from),
-                    normal,
-                    Extent::Along(edge),
-                    norm(edge),
-                    vec![lift(from), lift(to)],
-                )
+                (lift(from), normal, Extent::Along(edge), norm(edge), vec![lift(from), lift(to)])
             }
-            Crack::Parallelogram {
-                corner,
-                edges: [e, f],
-            } => {
+            Crack::Parallelogram { corner, edges: [e, f] } => {
                 let normal = cross(e, f);
                 let area = norm(normal);
                 // Parallel edges: their cross product is rounding.
                 if area <= 1e-12 * norm(e) * norm(f) {
                     return None;
                 }
-                let corners = vec![
-                    corner,
-                    add(corner, e),
-                    add(corner, f),
-                    add(add(corner, e), f),
-                ];
+                let corners = vec![corner, add(corner, e), add(corner, f), add(add(corner, e), f)];
                 // Reciprocal edges: the coordinates of a point are its products with them.
                 let square = area * area;
-                let reciprocal = [
-                    cross(f, normal).map(|c| c / square),
-                    cross(normal, e).map(|c| c / square),
-                ];
-                (
-                    corner,
-                    normal,
-                    Extent::Between(reciprocal),
-                    norm(e).max(norm(f)),
-                    corners,
-                )
+                let reciprocal = [cross(f, normal).map(|c| c / square), cross(normal, e).map(|c| c / square)];
+                (corner, normal, Extent::Between(reciprocal), norm(e).max(norm(f)), corners)
             }
-            Crack::Disc {
-                centre,
-                normal,
-                radius,
-            } => {
+            Crack::Disc { centre, normal, radius } => {
                 if radius <= 0.0 {
                     return None;
                 }
                 let unit = normal.map(|c| c / norm(normal));
                 let half = unit.map(|n| radius * (1.0 - n * n).max(0.0).sqrt());
-                (
-                    centre,
-                    normal,
-                    Extent::Within(radius),
-                    2.0 * radius,
-                    vec![sub(centre, half), add(centre, half)],
-                )
+                (centre, normal, Extent::Within(radius), 2.0 * radius, vec![sub(centre, half), add(centre, half)])
             }
         };
         let length = norm(normal);
@@ -175,25 +134,9 @@ impl Crack {
             return None;
         }
         let low = [0, 1, 2].map(|k| corners.iter().map(|c| c[k]).fold(f64::INFINITY, f64::min));
-        let high = [0, 1, 2].map(|k| {
-            corners
-                .iter()
-                .map(|c| c[k])
-                .fold(f64::NEG_INFINITY, f64::max)
-        });
-        let far = low
-            .iter()
-            .chain(&high)
-            .fold(0.0, |a: f64, c| a.max(c.abs()));
-        Some(Surface {
-            origin,
-            normal: normal.map(|c| c / length),
-            extent,
-            size,
-            low,
-            high,
-            far,
-        })
+        let high = [0, 1, 2].map(|k| corners.iter().map(|c| c[k]).fold(f64::NEG_INFINITY, f64::max));
+        let far = low.iter().chain(&high).fold(0.0, |a: f64, c| a.max(c.abs()));
+        Some(Surface { origin, normal: normal.map(|c| c / length), extent, size, low, high, far })
     }
 }
 
@@ -214,31 +157,16 @@ impl Cracks {
             let finite = match crack {
                 Crack::Point { at } => at.is_finite(),
                 Crack::Segment { from, to } => from.iter().chain(&to).all(|c| c.is_finite()),
-                Crack::Parallelogram { corner, edges } => corner
-                    .iter()
-                    .chain(edges.as_flattened())
-                    .all(|c| c.is_finite()),
-                Crack::Disc {
-                    centre,
-                    normal,
-                    radius,
-                } => centre.iter().chain(&normal).all(|c| c.is_finite()) && radius.is_finite(),
+                Crack::Parallelogram { corner, edges } => corner.iter().chain(edges.as_flattened()).all(|c| c.is_finite()),
+                Crack::Disc { centre, normal, radius } => centre.iter().chain(&normal).all(|c| c.is_finite()) && radius.is_finite(),
             };
             if !finite {
                 return Err(CrackError::NotFinite { number, crack });
             }
             if crack.dimension() != dimension {
-                return Err(CrackError::Dimension {
-                    number,
-                    crack,
-                    dimension,
-                });
+                return Err(CrackError::Dimension { number, crack, dimension });
             }
-            surfaces.push(
-                crack
-                    .surface()
-                    .ok_or(CrackError::Degenerate { number, crack })?,
-            );
+            surfaces.push(crack.surface().ok_or(CrackError::Degenerate { number, crack })?);
         }
         Ok(Self { surfaces })
     }
@@ -281,15 +209,7 @@ impl Cracks {
                     let real = position[neighbors.index[bond] as usize];
                     // The images of a crack cut a bond where the crack cuts the image of the bond.
                     part[bond - base] = (0..=flips).filter(|mask| mask & !flips == 0).any(|mask| {
-                        let image = |x: [f64; 3]| {
-                            [0, 1, 2].map(|k| {
-                                if mask & (1 << k) != 0 {
-                                    real[k] + b[k] - x[k]
-                                } else {
-                                    x[k]
-                                }
-                            })
-                        };
+                        let image = |x: [f64; 3]| [0, 1, 2].map(|k| if mask & (1 << k) != 0 { real[k] + b[k] - x[k] } else { x[k] });
                         let (a, b) = (image(a), image(b));
                         near.iter().any(|s| s.cuts(a, b))
                     });
@@ -306,8 +226,7 @@ pub(crate) fn by_runs<'a>(neighbors: &Neighbors, values: &'a mut [bool]) -> Vec<
     let mut rest = values;
     let mut parts = Vec::with_capacity(n.div_ceil(RUN));
     for first in (0..n).step_by(RUN) {
-        let (part, next) =
-            rest.split_at_mut(neighbors.offsets[(first + RUN).min(n)] - neighbors.offsets[first]);
+        let (part, next) = rest.split_at_mut(neighbors.offsets[(first + RUN).min(n)] - neighbors.offsets[first]);
         parts.push(part);
         rest = next;
     }
@@ -356,10 +275,7 @@ impl Surface {
         let (a, b) = if a <= b { (a, b) } else { (b, a) };
         let length = norm(sub(b, a));
         let slack = self.slack(a, b, length);
-        let (da, db) = (
-            dot(sub(a, self.origin), self.normal),
-            dot(sub(b, self.origin), self.normal),
-        );
+        let (da, db) = (dot(sub(a, self.origin), self.normal), dot(sub(b, self.origin), self.normal));
         if (da < -slack) == (db < -slack) {
             return false;
         }
@@ -408,11 +324,7 @@ fn norm(a: [f64; 3]) -> f64 {
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[cfg(test)]
@@ -430,29 +342,11 @@ mod tests {
             let s2 = |x: [f64; 2]| x.map(|c| c * unit);
             let scaled = match crack {
                 Crack::Point { at } => Crack::Point { at: at * unit },
-                Crack::Segment { from, to } => Crack::Segment {
-                    from: s2(from),
-                    to: s2(to),
-                },
-                Crack::Parallelogram { corner, edges } => Crack::Parallelogram {
-                    corner: s(corner),
-                    edges: edges.map(s),
-                },
-                Crack::Disc {
-                    centre,
-                    normal,
-                    radius,
-                } => Crack::Disc {
-                    centre: s(centre),
-                    normal,
-                    radius: radius * unit,
-                },
+                Crack::Segment { from, to } => Crack::Segment { from: s2(from), to: s2(to) },
+                Crack::Parallelogram { corner, edges } => Crack::Parallelogram { corner: s(corner), edges: edges.map(s) },
+                Crack::Disc { centre, normal, radius } => Crack::Disc { centre: s(centre), normal, radius: radius * unit },
             };
-            assert_eq!(
-                answer,
-                scaled.cuts(s(a), s(b)),
-                "{crack:?} in units of {unit}"
-            );
+            assert_eq!(answer, scaled.cuts(s(a), s(b)), "{crack:?} in units of {unit}");
         }
         answer
     }
@@ -469,185 +363,78 @@ mod tests {
 
     #[test]
     fn segment_in_two_dimensions() {
-        let crack = Crack::Segment {
-            from: [0.0, 0.0],
-            to: [1.0, 0.0],
-        };
+        let crack = Crack::Segment { from: [0.0, 0.0], to: [1.0, 0.0] };
         for (a, b, cut, why) in [
             ([0.5, -1.0], [0.5, 1.0], true, "across"),
             ([0.5, 0.5], [0.5, 1.0], false, "one side"),
             ([1.5, -1.0], [1.5, 1.0], false, "beyond the tip"),
             ([1.0, -1.0], [1.0, 1.0], true, "through the tip"),
             ([0.0, -1.0], [0.0, 1.0], true, "through the other tip"),
-            (
-                [1.0 + 1e-13, -1.0],
-                [1.0 + 1e-13, 1.0],
-                true,
-                "touching the tip",
-            ),
-            (
-                [1.0 + 1e-10, -1.0],
-                [1.0 + 1e-10, 1.0],
-                false,
-                "not touching",
-            ),
+            ([1.0 + 1e-13, -1.0], [1.0 + 1e-13, 1.0], true, "touching the tip"),
+            ([1.0 + 1e-10, -1.0], [1.0 + 1e-10, 1.0], false, "not touching"),
             ([0.5, 0.0], [0.5, 1.0], false, "from the crack to its left"),
             ([0.5, 0.0], [0.5, -1.0], true, "from the crack to its right"),
             ([0.5, 1e-14], [0.5, -1.0], true, "on the crack by rounding"),
-            (
-                [0.5, -1e-14],
-                [0.5, 1.0],
-                false,
-                "on the crack by rounding, to its left",
-            ),
+            ([0.5, -1e-14], [0.5, 1.0], false, "on the crack by rounding, to its left"),
             ([1.0, 0.0], [1.0, -1.0], true, "from the tip to the right"),
-            (
-                [1.5, 0.0],
-                [1.5, -1.0],
-                false,
-                "from the plane beyond the tip",
-            ),
+            ([1.5, 0.0], [1.5, -1.0], false, "from the plane beyond the tip"),
             ([0.2, 0.0], [0.8, 0.0], false, "within the crack"),
             ([-1.0, 0.0], [2.0, 0.0], false, "along all of it"),
             ([-1.0, -1.0], [2.0, 0.5], true, "oblique, meets (1, 0)"),
-            (
-                [-1.0, -1.0],
-                [2.0, 0.49],
-                false,
-                "oblique, meets beyond (1, 0)",
-            ),
+            ([-1.0, -1.0], [2.0, 0.49], false, "oblique, meets beyond (1, 0)"),
         ] {
-            assert_eq!(
-                cuts(crack, [a[0], a[1], 0.0], [b[0], b[1], 0.0]),
-                cut,
-                "{why}"
-            );
+            assert_eq!(cuts(crack, [a[0], a[1], 0.0], [b[0], b[1], 0.0]), cut, "{why}");
         }
         // A kinked polyline has no hole at its joint.
-        let kink = [
-            Crack::Segment {
-                from: [0.0, 0.0],
-                to: [1.0, 0.1],
-            },
-            Crack::Segment {
-                from: [1.0, 0.1],
-                to: [2.0, 0.0],
-            },
-        ];
+        let kink = [Crack::Segment { from: [0.0, 0.0], to: [1.0, 0.1] }, Crack::Segment { from: [1.0, 0.1], to: [2.0, 0.0] }];
         let kink = Cracks::new(&kink, 2).unwrap();
         for k in 0..1000 {
             let angle = 0.2 + 2.7 * uniform(2, k);
             let (s, c) = angle.sin_cos();
-            assert!(
-                kink.cut([1.0 + c, 0.1 + s, 0.0], [1.0 - c, 0.1 - s, 0.0]),
-                "{angle}"
-            );
+            assert!(kink.cut([1.0 + c, 0.1 + s, 0.0], [1.0 - c, 0.1 - s, 0.0]), "{angle}");
         }
     }
 
     #[test]
     fn planes_in_three_dimensions() {
-        let sheared = Crack::Parallelogram {
-            corner: [0.0; 3],
-            edges: [[1.0, 0.0, 0.0], [1.0, 1.0, 0.0]],
-        };
+        let sheared = Crack::Parallelogram { corner: [0.0; 3], edges: [[1.0, 0.0, 0.0], [1.0, 1.0, 0.0]] };
         let through = |x: f64, y: f64| cuts(sheared, [x, y, -0.3], [x, y, 0.7]);
         assert!(through(1.0, 0.5) && through(0.1, 0.05) && through(1.9, 0.95));
-        assert!(
-            !through(0.2, 0.5) && !through(1.6, 0.5) && !through(1.0, 1.1) && !through(0.5, -0.1)
-        );
-        assert!(
-            through(0.0, 0.0) && through(2.0, 1.0) && through(0.5, 0.5) && through(1.5, 0.5),
-            "corners and edges"
-        );
+        assert!(!through(0.2, 0.5) && !through(1.6, 0.5) && !through(1.0, 1.1) && !through(0.5, -0.1));
+        assert!(through(0.0, 0.0) && through(2.0, 1.0) && through(0.5, 0.5) && through(1.5, 0.5), "corners and edges");
         assert!(!through(0.5 - 1e-9, 0.5) && through(0.5 - 1e-13, 0.5));
-        assert!(
-            !cuts(sheared, [1.0, 0.5, 0.0], [1.0, 0.5, 1.0])
-                && cuts(sheared, [1.0, 0.5, 0.0], [1.0, 0.5, -1.0])
-        );
+        assert!(!cuts(sheared, [1.0, 0.5, 0.0], [1.0, 0.5, 1.0]) && cuts(sheared, [1.0, 0.5, 0.0], [1.0, 0.5, -1.0]));
 
         let third = 1.0 / 3f64.sqrt();
-        let penny = Crack::Disc {
-            centre: [1.0, 1.0, 1.0],
-            normal: [2.0, 2.0, 2.0],
-            radius: 0.5,
-        };
+        let penny = Crack::Disc { centre: [1.0, 1.0, 1.0], normal: [2.0, 2.0, 2.0], radius: 0.5 };
         let tangent = [1.0 / 2f64.sqrt(), -1.0 / 2f64.sqrt(), 0.0];
         let through = |r: f64| {
             let end = |s: f64| [0, 1, 2].map(|k| 1.0 + r * tangent[k] + s * third);
             cuts(penny, end(-0.4), end(0.9))
         };
-        assert!(
-            through(0.0)
-                && through(0.49)
-                && through(0.5)
-                && through(0.5 + 1e-14)
-                && !through(0.501)
-        );
+        assert!(through(0.0) && through(0.49) && through(0.5) && through(0.5 + 1e-14) && !through(0.501));
     }
 
     #[test]
     fn faults_are_told() {
         let bad = |crack| Cracks::new(&[crack], 3).unwrap_err();
-        assert!(matches!(
-            bad(Crack::Point { at: 0.0 }),
-            CrackError::Dimension {
-                number: 0,
-                dimension: 3,
-                ..
-            }
-        ));
-        let flat = Crack::Parallelogram {
-            corner: [0.0; 3],
-            edges: [[1.0, 1.0, 1.0], [2.0, 2.0, 2.0]],
-        };
+        assert!(matches!(bad(Crack::Point { at: 0.0 }), CrackError::Dimension { number: 0, dimension: 3, .. }));
+        let flat = Crack::Parallelogram { corner: [0.0; 3], edges: [[1.0, 1.0, 1.0], [2.0, 2.0, 2.0]] };
         assert!(matches!(bad(flat), CrackError::Degenerate { .. }));
         assert!(!flat.cuts([0.0, 1.0, 0.0], [2.0, 0.0, 1.0]));
-        assert!(matches!(
-            bad(Crack::Disc {
-                centre: [0.0; 3],
-                normal: [0.0; 3],
-                radius: 1.0
-            }),
-            CrackError::Degenerate { .. }
-        ));
-        assert!(matches!(
-            bad(Crack::Disc {
-                centre: [0.0; 3],
-                normal: [1.0; 3],
-                radius: f64::NAN
-            }),
-            CrackError::NotFinite { .. }
-        ));
-        let same = Crack::Segment {
-            from: [1.0; 2],
-            to: [1.0; 2],
-        };
-        assert!(matches!(
-            Cracks::new(&[same], 2).unwrap_err(),
-            CrackError::Degenerate { .. }
-        ));
+        assert!(matches!(bad(Crack::Disc { centre: [0.0; 3], normal: [0.0; 3], radius: 1.0 }), CrackError::Degenerate { .. }));
+        assert!(matches!(bad(Crack::Disc { centre: [0.0; 3], normal: [1.0; 3], radius: f64::NAN }), CrackError::NotFinite { .. }));
+        let same = Crack::Segment { from: [1.0; 2], to: [1.0; 2] };
+        assert!(matches!(Cracks::new(&[same], 2).unwrap_err(), CrackError::Degenerate { .. }));
     }
 
     #[test]
     fn bonds_of_a_plate_are_counted_by_hand() {
         // Crack from the left edge to the middle, between rows: 10 columns. Of the bonds |ξ| ≤ 2: 3 vertical ones per column
         // (rows −1|0, −2|0, −1|1), diagonals that cross at x half way between columns.
-        let plate = Shape::Rectangle {
-            from: [0.0, -5.0],
-            to: [20.0, 5.0],
-        }
-        .fill(&Filling::of_spacing(1.0))
-        .unwrap();
+        let plate = Shape::Rectangle { from: [0.0, -5.0], to: [20.0, 5.0] }.fill(&Filling::of_spacing(1.0)).unwrap();
         let families = neighbors(&plate.position, 2, &vec![2.0; plate.len()]).unwrap();
-        let cracks = Cracks::new(
-            &[Crack::Segment {
-                from: [-1.0, 0.0],
-                to: [9.9, 0.0],
-            }],
-            2,
-        )
-        .unwrap();
+        let cracks = Cracks::new(&[Crack::Segment { from: [-1.0, 0.0], to: [9.9, 0.0] }], 2).unwrap();
         let cut = cracks.cut_bonds(&plate.position, &families);
         // Vertical: 3 × 10 columns (x = 0.5 … 9.5). Diagonal: two per gap between columns, gaps at x = 1 … 9. Both directions.
         assert_eq!(cut.iter().filter(|&&c| c).count(), 2 * (3 * 10 + 2 * 9));
@@ -656,13 +443,7 @@ mod tests {
         // Every bond on its own agrees.
         for i in 0..plate.len() {
             for b in families.bonds_of(i) {
-                assert_eq!(
-                    cut[b],
-                    cracks.cut(
-                        plate.position[i],
-                        plate.position[families.index[b] as usize]
-                    )
-                );
+                assert_eq!(cut[b], cracks.cut(plate.position[i], plate.position[families.index[b] as usize]));
             }
         }
     }
@@ -671,24 +452,11 @@ mod tests {
     fn a_crack_along_a_row_splits_a_body_in_two() {
         // The row lies on the crack; no path of bonds may lead from below to above.
         for h in [1.0, 0.1, 1e-7] {
-            let filling = Filling {
-                placement: Placement::Ends,
-                ..Filling::of_spacing(h)
-            };
-            let plate = Shape::Rectangle {
-                from: [0.0, 0.0],
-                to: [9.0 * h, 6.0 * h],
-            }
-            .fill(&filling)
-            .unwrap();
+            let filling = Filling { placement: Placement::Ends, ..Filling::of_spacing(h) };
+            let plate = Shape::Rectangle { from: [0.0, 0.0], to: [9.0 * h, 6.0 * h] }.fill(&filling).unwrap();
             let families = neighbors(&plate.position, 2, &vec![3.0 * h; plate.len()]).unwrap();
-            let crack = Crack::Segment {
-                from: [0.0, 3.0 * h],
-                to: [9.0 * h, 3.0 * h],
-            };
-            let cut = Cracks::new(&[crack], 2)
-                .unwrap()
-                .cut_bonds(&plate.position, &families);
+            let crack = Crack::Segment { from: [0.0, 3.0 * h], to: [9.0 * h, 3.0 * h] };
+            let cut = Cracks::new(&[crack], 2).unwrap().cut_bonds(&plate.position, &families);
             for i in 0..plate.len() {
                 for b in families.bonds_of(i) {
                     let above = |p: usize| plate.position[p][1] > 2.5 * h;
@@ -702,59 +470,20 @@ mod tests {
 
     #[test]
     fn cracks_are_mirrored_with_the_body() {
-        let half = Shape::Rectangle {
-            from: [0.0, 0.0],
-            to: [6.0, 6.0],
-        }
-        .fill(&Filling::of_spacing(1.0))
-        .unwrap();
-        let whole = Shape::Rectangle {
-            from: [-6.0, 0.0],
-            to: [6.0, 6.0],
-        }
-        .fill(&Filling::of_spacing(1.0))
-        .unwrap();
-        let crack = |x: f64| Crack::Segment {
-            from: [0.0, 1.3],
-            to: [x, 3.1],
-        };
-        let folded = neighbors_with_mirrors(
-            &half.position,
-            2,
-            &half.spacing,
-            &vec![3.0; half.len()],
-            &[Mirror { axis: 0, at: 0.0 }],
-        )
-        .unwrap();
+        let half = Shape::Rectangle { from: [0.0, 0.0], to: [6.0, 6.0] }.fill(&Filling::of_spacing(1.0)).unwrap();
+        let whole = Shape::Rectangle { from: [-6.0, 0.0], to: [6.0, 6.0] }.fill(&Filling::of_spacing(1.0)).unwrap();
+        let crack = |x: f64| Crack::Segment { from: [0.0, 1.3], to: [x, 3.1] };
+        let folded =
+            neighbors_with_mirrors(&half.position, 2, &half.spacing, &vec![3.0; half.len()], &[Mirror { axis: 0, at: 0.0 }]).unwrap();
         let plain = neighbors(&whole.position, 2, &vec![3.0; whole.len()]).unwrap();
-        let folded = folded.without(
-            &Cracks::new(&[crack(2.7)], 2)
-                .unwrap()
-                .cut_bonds(&half.position, &folded),
-        );
-        let plain = plain.without(
-            &Cracks::new(&[crack(2.7), crack(-2.7)], 2)
-                .unwrap()
-                .cut_bonds(&whole.position, &plain),
-        );
-        for (i, x) in whole
-            .position
-            .iter()
-            .enumerate()
-            .filter(|(_, x)| x[0] > 0.0)
-        {
+        let folded = folded.without(&Cracks::new(&[crack(2.7)], 2).unwrap().cut_bonds(&half.position, &folded));
+        let plain = plain.without(&Cracks::new(&[crack(2.7), crack(-2.7)], 2).unwrap().cut_bonds(&whole.position, &plain));
+        for (i, x) in whole.position.iter().enumerate().filter(|(_, x)| x[0] > 0.0) {
             let k = half.position.iter().position(|y| y == x).unwrap();
-            let mut a: Vec<[i64; 2]> = plain
-                .of(i)
-                .iter()
-                .map(|&j| whole.position[j as usize])
-                .map(|y| [0, 1].map(|k| (2.0 * y[k]).round() as i64))
-                .collect();
-            let mut b: Vec<[i64; 2]> = folded
-                .bonds_of(k)
-                .map(|b| folded.end(&half.position, k, b))
-                .map(|y| [0, 1].map(|k| (2.0 * y[k]).round() as i64))
-                .collect();
+            let mut a: Vec<[i64; 2]> =
+                plain.of(i).iter().map(|&j| whole.position[j as usize]).map(|y| [0, 1].map(|k| (2.0 * y[k]).round() as i64)).collect();
+            let mut b: Vec<[i64; 2]> =
+                folded.bonds_of(k).map(|b| folded.end(&half.position, k, b)).map(|y| [0, 1].map(|k| (2.0 * y[k]).round() as i64)).collect();
             a.sort_unstable();
             b.sort_unstable();
             assert_eq!(a, b);

@@ -2,7 +2,7 @@
 
 use crate::body::Body;
 use crate::chunk::Chunk;
-use physics::family::{Family, Undeformed};
+use physics::family::Family;
 use rayon::prelude::*;
 
 /// When a bond breaks. Thresholds are per point (sorted order); a bond's threshold is the mean of its two points', infinite
@@ -48,7 +48,7 @@ impl<const D: usize> Body<D> {
             Criterion::CriticalStretch(critical) => self.exceeding_by(critical, |_, c, found| {
                 let view = c.configuration();
                 for i in 0..c.owned {
-                    Family::<f64, D>::new(&view, i).each(|b| found(i, b.slot(), b.extension().0 / b.length()));
+                    Family::<f64, D>::new(&view, i).each(|b| found(i, b.slot(), b.stretch().0));
                 }
             }),
             Criterion::CriticalBondEnergy(critical) => {

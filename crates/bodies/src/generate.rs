@@ -144,9 +144,7 @@ pub enum GenerateError {
     #[error("the place of the shape has a coordinate {0}; coordinates must be finite")]
     Place(f64),
     /// An inner radius out of range.
-    #[error(
-        "inner radius {inner} of a shape of radius {outer}; it must be zero or more, and less than the radius"
-    )]
+    #[error("inner radius {inner} of a shape of radius {outer}; it must be zero or more, and less than the radius")]
     InnerRadius {
         /// Inner radius.
         inner: f64,
@@ -172,9 +170,7 @@ pub enum GenerateError {
         fitting: f64,
     },
     /// Less than half a cell in a length.
-    #[error(
-        "spacing {spacing} is too coarse for the length {length} of the {what}; choose at most {length}"
-    )]
+    #[error("spacing {spacing} is too coarse for the length {length} of the {what}; choose at most {length}")]
     TooCoarse {
         /// Which length.
         what: &'static str,
@@ -184,9 +180,7 @@ pub enum GenerateError {
         length: f64,
     },
     /// More points than can be numbered.
-    #[error(
-        "spacing {spacing} asks for {cells:.3e} lattice points; at most 4294967294 can be numbered"
-    )]
+    #[error("spacing {spacing} asks for {cells:.3e} lattice points; at most 4294967294 can be numbered")]
     TooMany {
         /// Spacing.
         spacing: f64,
@@ -197,9 +191,7 @@ pub enum GenerateError {
     #[error("jitter amplitude {0}; it must be at least 0 and less than 0.5 spacings")]
     Jitter(f64),
     /// Ends are asked of a round shape.
-    #[error(
-        "points on the ends are possible for lines, rectangles and boxes only; a round shape takes cell centres"
-    )]
+    #[error("points on the ends are possible for lines, rectangles and boxes only; a round shape takes cell centres")]
     RoundEnds,
     /// No cell centre lies in the shape.
     #[error("no lattice point lies in the shape; choose a spacing smaller than {0}")]
@@ -223,25 +215,11 @@ impl Shape {
             Shape::Line { from, to } => to - from,
             Shape::Rectangle { from, to } => (0..2).map(|k| to[k] - from[k]).product(),
             Shape::Box { from, to } => (0..3).map(|k| to[k] - from[k]).product(),
-            Shape::Disc {
-                radius,
-                inner_radius,
-                ..
-            } => PI * (radius * radius - inner_radius * inner_radius),
-            Shape::Cylinder {
-                from,
-                to,
-                radius,
-                inner_radius,
-            } => {
-                PI * (radius * radius - inner_radius * inner_radius)
-                    * norm([0, 1, 2].map(|k| to[k] - from[k]))
+            Shape::Disc { radius, inner_radius, .. } => PI * (radius * radius - inner_radius * inner_radius),
+            Shape::Cylinder { from, to, radius, inner_radius } => {
+                PI * (radius * radius - inner_radius * inner_radius) * norm([0, 1, 2].map(|k| to[k] - from[k]))
             }
-            Shape::Sphere {
-                radius,
-                inner_radius,
-                ..
-            } => 4.0 / 3.0 * PI * (radius.powi(3) - inner_radius.powi(3)),
+            Shape::Sphere { radius, inner_radius, .. } => 4.0 / 3.0 * PI * (radius.powi(3) - inner_radius.powi(3)),
         }
     }
 
@@ -250,12 +228,7 @@ impl Shape {
     /// # Errors
     /// If a size is not positive, the spacing does not fit, the jitter is too large, or no point lies in the shape.
     pub fn fill(&self, filling: &Filling) -> Result<PointCloud, GenerateError> {
-        let Filling {
-            spacing,
-            section,
-            placement,
-            ..
-        } = *filling;
+        let Filling { spacing, section, placement, .. } = *filling;
         positive("spacing", spacing)?;
         positive("section", section)?;
         if let Some(jitter) = filling.jitter
@@ -279,31 +252,17 @@ impl Shape {
             let (what, length) = (frame.names[k], frame.length[k]);
             let count = (length / spacing).round();
             if count < 1.0 {
-                return Err(GenerateError::TooCoarse {
-                    what,
-                    spacing,
-                    length,
-                });
+                return Err(GenerateError::TooCoarse { what, spacing, length });
             }
             total *= count + if ends { 1.0 } else { 0.0 };
             if total >= f64::from(u32::MAX) {
-                return Err(GenerateError::TooMany {
-                    spacing,
-                    cells: total,
-                });
+                return Err(GenerateError::TooMany { spacing, cells: total });
             }
             let filled = count * spacing;
             // The spacing is written in decimals: a remainder of that kind is spread over the cells.
             let near = (filled - length).abs() <= 1e-6 * spacing;
             if !near && filling.fit == Fit::Exact {
-                return Err(GenerateError::Fit {
-                    what,
-                    spacing,
-                    length,
-                    cells: count,
-                    filled,
-                    fitting: length / count,
-                });
+                return Err(GenerateError::Fit { what, spacing, length, cells: count, filled, fitting: length / count });
             }
             if near || filling.fit == Fit::Stretch {
                 step[k] = length / count;
@@ -313,11 +272,7 @@ impl Shape {
         }
 
         let cell: f64 = step[..dimension].iter().product();
-        let mut cloud = PointCloud {
-            dimension,
-            block_names: vec![filling.block.clone()],
-            ..PointCloud::default()
-        };
+        let mut cloud = PointCloud { dimension, block_names: vec![filling.block.clone()], ..PointCloud::default() };
         let own_spacing = root(cell, dimension);
         // Along a straight length places count from the near end; a round one is laid out from its centre, exactly symmetric.
         let along = |k: usize, i: usize| {
@@ -325,38 +280,19 @@ impl Shape {
             if frame.is_round(k) {
                 0.5 * step[k] * (half_steps as f64 - cells[k] as f64)
             } else {
-                let middle = if filling.fit == Fit::Centre {
-                    0.5 * frame.length[k] + first[k]
-                } else {
-                    0.0
-                };
+                let middle = if filling.fit == Fit::Centre { 0.5 * frame.length[k] + first[k] } else { 0.0 };
                 middle + 0.5 * half_steps as f64 * step[k]
             }
         };
-        let spots: [Vec<f64>; 3] = [0, 1, 2].map(|k| {
-            if k < dimension {
-                (0..cells[k]).map(|i| along(k, i)).collect()
-            } else {
-                vec![0.0]
-            }
-        });
-        let place = |local: [f64; 3]| {
-            [0, 1, 2]
-                .map(|c| frame.start[c] + (0..3).map(|k| local[k] * frame.axes[k][c]).sum::<f64>())
-        };
+        let spots: [Vec<f64>; 3] = [0, 1, 2].map(|k| if k < dimension { (0..cells[k]).map(|i| along(k, i)).collect() } else { vec![0.0] });
+        let place = |local: [f64; 3]| [0, 1, 2].map(|c| frame.start[c] + (0..3).map(|k| local[k] * frame.axes[k][c]).sum::<f64>());
         for &c in &spots[2] {
             for &b in &spots[1] {
                 for &a in &spots[0] {
                     let local = [a, b, c];
-                    let off = local[..frame.round]
-                        .iter()
-                        .map(|x| x * x)
-                        .sum::<f64>()
-                        .sqrt();
+                    let off = local[..frame.round].iter().map(|x| x * x).sum::<f64>().sqrt();
                     let margin = 1e-9 * spacing;
-                    if frame.round > 0
-                        && (off > frame.radius + margin || off < frame.inner_radius - margin)
-                    {
+                    if frame.round > 0 && (off > frame.radius + margin || off < frame.inner_radius - margin) {
                         continue;
                     }
                     let mut volume = cell * section;
@@ -379,11 +315,7 @@ impl Shape {
         cloud.spacing = vec![own_spacing; n];
         cloud.block = vec![0; n];
         cloud.id = (0..n as u64).collect();
-        cloud.lattice = Some(Lattice {
-            origin: place([spots[0][0], spots[1][0], spots[2][0]]),
-            axes: frame.axes,
-            spacing: step,
-        });
+        cloud.lattice = Some(Lattice { origin: place([spots[0][0], spots[1][0], spots[2][0]]), axes: frame.axes, spacing: step });
         if let Some(Jitter { amplitude, seed }) = filling.jitter {
             for (i, x) in cloud.position.iter_mut().enumerate() {
                 for k in 0..dimension {
@@ -405,10 +337,7 @@ impl Shape {
         let radii = |radius: f64, inner_radius: f64| {
             positive("radius", radius)?;
             if !(0.0..radius).contains(&inner_radius) {
-                return Err(GenerateError::InnerRadius {
-                    inner: inner_radius,
-                    outer: radius,
-                });
+                return Err(GenerateError::InnerRadius { inner: inner_radius, outer: radius });
             }
             Ok((radius, inner_radius))
         };
@@ -423,44 +352,16 @@ impl Shape {
         };
         let names = ["diameter"; 3];
         let frame = match *self {
-            Shape::Line { from, to } => Frame {
-                start: [from, 0.0, 0.0],
-                length: [to - from, 0.0, 0.0],
-                names: ["line"; 3],
-                ..straight
-            },
-            Shape::Rectangle { from, to } => Frame {
-                start: [from[0], from[1], 0.0],
-                length: [to[0] - from[0], to[1] - from[1], 0.0],
-                ..straight
-            },
-            Shape::Box { from, to } => Frame {
-                start: from,
-                length: [0, 1, 2].map(|k| to[k] - from[k]),
-                ..straight
-            },
-            Shape::Disc {
-                centre,
-                radius,
-                inner_radius,
-            } => {
-                let (radius, inner_radius) = radii(radius, inner_radius)?;
-                Frame {
-                    start: [centre[0], centre[1], 0.0],
-                    length: [2.0 * radius; 3],
-                    names,
-                    round: 2,
-                    radius,
-                    inner_radius,
-                    ..straight
-                }
+            Shape::Line { from, to } => Frame { start: [from, 0.0, 0.0], length: [to - from, 0.0, 0.0], names: ["line"; 3], ..straight },
+            Shape::Rectangle { from, to } => {
+                Frame { start: [from[0], from[1], 0.0], length: [to[0] - from[0], to[1] - from[1], 0.0], ..straight }
             }
-            Shape::Cylinder {
-                from,
-                to,
-                radius,
-                inner_radius,
-            } => {
+            Shape::Box { from, to } => Frame { start: from, length: [0, 1, 2].map(|k| to[k] - from[k]), ..straight },
+            Shape::Disc { centre, radius, inner_radius } => {
+                let (radius, inner_radius) = radii(radius, inner_radius)?;
+                Frame { start: [centre[0], centre[1], 0.0], length: [2.0 * radius; 3], names, round: 2, radius, inner_radius, ..straight }
+            }
+            Shape::Cylinder { from, to, radius, inner_radius } => {
                 let (radius, inner_radius) = radii(radius, inner_radius)?;
                 let axis = [0, 1, 2].map(|k| to[k] - from[k]);
                 let length = norm(axis);
@@ -476,21 +377,9 @@ impl Shape {
                     inner_radius,
                 }
             }
-            Shape::Sphere {
-                centre,
-                radius,
-                inner_radius,
-            } => {
+            Shape::Sphere { centre, radius, inner_radius } => {
                 let (radius, inner_radius) = radii(radius, inner_radius)?;
-                Frame {
-                    start: centre,
-                    length: [2.0 * radius; 3],
-                    names,
-                    round: 3,
-                    radius,
-                    inner_radius,
-                    ..straight
-                }
+                Frame { start: centre, length: [2.0 * radius; 3], names, round: 3, radius, inner_radius, ..straight }
             }
         };
         if let Some(&value) = frame.start.iter().find(|x| !x.is_finite()) {
@@ -522,16 +411,13 @@ impl Frame {
 
 /// Three orthonormal directions, the last one given; along a coordinate axis they are the coordinate axes in cyclic order.
 fn around(axis: [f64; 3]) -> [[f64; 3]; 3] {
-    let main = (0..3)
-        .max_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs()))
-        .unwrap_or(2);
+    let main = (0..3).max_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs())).unwrap_or(2);
     let next = UNIT[(main + 1) % 3];
     let dot: f64 = (0..3).map(|k| next[k] * axis[k]).sum();
     let first = [0, 1, 2].map(|k| next[k] - dot * axis[k]);
     let length = norm(first);
     let first = first.map(|c| c / length);
-    let second = [0, 1, 2]
-        .map(|k| axis[(k + 1) % 3] * first[(k + 2) % 3] - axis[(k + 2) % 3] * first[(k + 1) % 3]);
+    let second = [0, 1, 2].map(|k| axis[(k + 1) % 3] * first[(k + 2) % 3] - axis[(k + 2) % 3] * first[(k + 1) % 3]);
     [first, second, axis]
 }
 
@@ -540,11 +426,7 @@ fn norm(a: [f64; 3]) -> f64 {
 }
 
 fn positive(what: &'static str, value: f64) -> Result<(), GenerateError> {
-    if value.is_finite() && value > 0.0 {
-        Ok(())
-    } else {
-        Err(GenerateError::NotPositive { what, value })
-    }
+    if value.is_finite() && value > 0.0 { Ok(()) } else { Err(GenerateError::NotPositive { what, value }) }
 }
 
 /// A number uniform in [0, 1) that follows from seed and place alone (splitmix64: G. L. Steele et al., Fast splittable
@@ -556,8 +438,7 @@ pub(crate) fn uniform(seed: u64, place: u64) -> f64 {
         z ^ (z >> 31)
     };
     // The seed is mixed first: neighbouring seeds must not give shifted copies of one sequence.
-    let z = mix(mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15))
-        .wrapping_add(place.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
+    let z = mix(mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15)).wrapping_add(place.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
     (z >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
 }
 
@@ -573,46 +454,16 @@ mod tests {
 
     #[test]
     fn straight_shapes_are_exact() {
-        let line = Shape::Line {
-            from: -1.0,
-            to: 2.0,
-        }
-        .fill(&Filling {
-            section: 0.5,
-            ..Filling::of_spacing(0.1)
-        })
-        .unwrap();
+        let line = Shape::Line { from: -1.0, to: 2.0 }.fill(&Filling { section: 0.5, ..Filling::of_spacing(0.1) }).unwrap();
         assert_eq!(line.len(), 30);
-        assert!(
-            (line.position[0][0] + 0.95).abs() < 1e-15
-                && (line.position[29][0] - 1.95).abs() < 1e-15
-        );
+        assert!((line.position[0][0] + 0.95).abs() < 1e-15 && (line.position[29][0] - 1.95).abs() < 1e-15);
         assert!((total(&line) / 1.5 - 1.0).abs() < 1e-14);
-        let plate = Shape::Rectangle {
-            from: [0.0, 1.0],
-            to: [0.3, 1.2],
-        }
-        .fill(&Filling {
-            section: 2e-3,
-            ..Filling::of_spacing(0.1)
-        })
-        .unwrap();
+        let plate =
+            Shape::Rectangle { from: [0.0, 1.0], to: [0.3, 1.2] }.fill(&Filling { section: 2e-3, ..Filling::of_spacing(0.1) }).unwrap();
         assert_eq!(plate.len(), 6);
-        assert!(
-            (plate.position[1][0] - 0.15).abs() < 1e-15
-                && (plate.position[1][1] - 1.05).abs() < 1e-15,
-            "x runs fastest"
-        );
-        assert!(
-            (plate.volume[0] / 2e-5 - 1.0).abs() < 1e-14
-                && (plate.spacing[0] / 0.1 - 1.0).abs() < 1e-14
-        );
-        let block = Shape::Box {
-            from: [0.0; 3],
-            to: [4e-9, 3e-9, 2e-9],
-        }
-        .fill(&Filling::of_spacing(1e-9))
-        .unwrap();
+        assert!((plate.position[1][0] - 0.15).abs() < 1e-15 && (plate.position[1][1] - 1.05).abs() < 1e-15, "x runs fastest");
+        assert!((plate.volume[0] / 2e-5 - 1.0).abs() < 1e-14 && (plate.spacing[0] / 0.1 - 1.0).abs() < 1e-14);
+        let block = Shape::Box { from: [0.0; 3], to: [4e-9, 3e-9, 2e-9] }.fill(&Filling::of_spacing(1e-9)).unwrap();
         assert_eq!((block.len(), block.id[23]), (24, 23));
         assert!((block.position[23][2] / 1.5e-9 - 1.0).abs() < 1e-14);
         assert!(block.validate().is_ok() && plate.validate().is_ok() && line.validate().is_ok());
@@ -620,28 +471,12 @@ mod tests {
 
     #[test]
     fn ends_carry_trapezoidal_measures() {
-        let filling = Filling {
-            placement: Placement::Ends,
-            ..Filling::of_spacing(0.5)
-        };
-        let block = Shape::Box {
-            from: [0.0; 3],
-            to: [1.0, 1.0, 1.5],
-        }
-        .fill(&filling)
-        .unwrap();
+        let filling = Filling { placement: Placement::Ends, ..Filling::of_spacing(0.5) };
+        let block = Shape::Box { from: [0.0; 3], to: [1.0, 1.0, 1.5] }.fill(&filling).unwrap();
         assert_eq!(block.len(), 3 * 3 * 4);
-        assert_eq!(
-            (block.volume[0], block.volume[1], block.volume[4]),
-            (0.125 / 8.0, 0.125 / 4.0, 0.125 / 2.0)
-        );
+        assert_eq!((block.volume[0], block.volume[1], block.volume[4]), (0.125 / 8.0, 0.125 / 4.0, 0.125 / 2.0));
         assert!((total(&block) - 1.5).abs() < 1e-14);
-        let round = Shape::Disc {
-            centre: [0.0; 2],
-            radius: 1.0,
-            inner_radius: 0.0,
-        }
-        .fill(&filling);
+        let round = Shape::Disc { centre: [0.0; 2], radius: 1.0, inner_radius: 0.0 }.fill(&filling);
         assert_eq!(round.unwrap_err(), GenerateError::RoundEnds);
     }
 
@@ -649,206 +484,71 @@ mod tests {
     fn spacing_must_fit_unless_told_otherwise() {
         let line = Shape::Line { from: 0.0, to: 1.0 };
         let off = Filling::of_spacing(0.3);
-        assert!(matches!(
-            line.fill(&off),
-            Err(GenerateError::Fit { cells: 3.0, .. })
-        ));
-        let stretched = line
-            .fill(&Filling {
-                fit: Fit::Stretch,
-                ..off.clone()
-            })
-            .unwrap();
-        assert!(
-            (total(&stretched) - 1.0).abs() < 1e-15
-                && (stretched.position[1][0] - 0.5).abs() < 1e-15
-        );
-        let centred = line
-            .fill(&Filling {
-                fit: Fit::Centre,
-                ..off.clone()
-            })
-            .unwrap();
-        assert!(
-            (total(&centred) - 0.9).abs() < 1e-15 && (centred.position[0][0] - 0.2).abs() < 1e-15
-        );
+        assert!(matches!(line.fill(&off), Err(GenerateError::Fit { cells: 3.0, .. })));
+        let stretched = line.fill(&Filling { fit: Fit::Stretch, ..off.clone() }).unwrap();
+        assert!((total(&stretched) - 1.0).abs() < 1e-15 && (stretched.position[1][0] - 0.5).abs() < 1e-15);
+        let centred = line.fill(&Filling { fit: Fit::Centre, ..off.clone() }).unwrap();
+        assert!((total(&centred) - 0.9).abs() < 1e-15 && (centred.position[0][0] - 0.2).abs() < 1e-15);
         // Decimals that are no binary fractions fit; so does a remainder below 1e-6.
         assert_eq!(line.fill(&Filling::of_spacing(0.1)).unwrap().len(), 10);
-        assert_eq!(
-            line.fill(&Filling::of_spacing(1.0 / 3.0 + 1e-8))
-                .unwrap()
-                .len(),
-            3
-        );
-        assert!(matches!(
-            line.fill(&Filling::of_spacing(3.0)),
-            Err(GenerateError::TooCoarse { .. })
-        ));
-        assert!(matches!(
-            line.fill(&Filling::of_spacing(1e-12)),
-            Err(GenerateError::TooMany { .. })
-        ));
-        assert!(matches!(
-            line.fill(&Filling::of_spacing(f64::NAN)),
-            Err(GenerateError::NotPositive {
-                what: "spacing",
-                ..
-            })
-        ));
-        assert!(matches!(
-            Shape::Line { from: 1.0, to: 0.0 }.fill(&off),
-            Err(GenerateError::NotPositive { what: "line", .. })
-        ));
+        assert_eq!(line.fill(&Filling::of_spacing(1.0 / 3.0 + 1e-8)).unwrap().len(), 3);
+        assert!(matches!(line.fill(&Filling::of_spacing(3.0)), Err(GenerateError::TooCoarse { .. })));
+        assert!(matches!(line.fill(&Filling::of_spacing(1e-12)), Err(GenerateError::TooMany { .. })));
+        assert!(matches!(line.fill(&Filling::of_spacing(f64::NAN)), Err(GenerateError::NotPositive { what: "spacing", .. })));
+        assert!(matches!(Shape::Line { from: 1.0, to: 0.0 }.fill(&off), Err(GenerateError::NotPositive { what: "line", .. })));
     }
 
     #[test]
     fn round_shapes_approach_their_measure() {
         // Half-integer points in a circle of radius 20, counted by rows: 2 ⌊√(400 − y²) + ½⌋ each.
-        let rows: usize = (0..20)
-            .map(|j| 4 * ((400.0 - (f64::from(j) + 0.5f64).powi(2)).sqrt() + 0.5).floor() as usize)
-            .sum();
-        let disc = Shape::Disc {
-            centre: [3.0, -7.0],
-            radius: 1.0,
-            inner_radius: 0.0,
-        };
-        let cloud = disc
-            .fill(&Filling {
-                section: 0.1,
-                ..Filling::of_spacing(0.05)
-            })
-            .unwrap();
+        let rows: usize = (0..20).map(|j| 4 * ((400.0 - (f64::from(j) + 0.5f64).powi(2)).sqrt() + 0.5).floor() as usize).sum();
+        let disc = Shape::Disc { centre: [3.0, -7.0], radius: 1.0, inner_radius: 0.0 };
+        let cloud = disc.fill(&Filling { section: 0.1, ..Filling::of_spacing(0.05) }).unwrap();
         assert_eq!(cloud.len(), rows);
         assert!((total(&cloud) / (0.1 * PI) - 1.0).abs() < 0.01);
-        let exact = disc
-            .fill(&Filling {
-                exact_measure: true,
-                ..Filling::of_spacing(0.05)
-            })
-            .unwrap();
+        let exact = disc.fill(&Filling { exact_measure: true, ..Filling::of_spacing(0.05) }).unwrap();
         assert!((total(&exact) / PI - 1.0).abs() < 1e-13);
         let shapes = [
-            (
-                Shape::Disc {
-                    centre: [0.0; 2],
-                    radius: 1.0,
-                    inner_radius: 0.5,
-                },
-                0.75 * PI,
-            ),
-            (
-                Shape::Sphere {
-                    centre: [1.0; 3],
-                    radius: 1.0,
-                    inner_radius: 0.0,
-                },
-                4.0 / 3.0 * PI,
-            ),
-            (
-                Shape::Sphere {
-                    centre: [1.0; 3],
-                    radius: 1.0,
-                    inner_radius: 0.5,
-                },
-                4.0 / 3.0 * PI * 0.875,
-            ),
-            (
-                Shape::Cylinder {
-                    from: [0.0; 3],
-                    to: [0.0, 0.0, 2.0],
-                    radius: 1.0,
-                    inner_radius: 0.0,
-                },
-                2.0 * PI,
-            ),
-            (
-                Shape::Cylinder {
-                    from: [1.0, 2.0, 3.0],
-                    to: [2.0, 4.0, 5.0],
-                    radius: 1.0,
-                    inner_radius: 0.5,
-                },
-                3.0 * 0.75 * PI,
-            ),
+            (Shape::Disc { centre: [0.0; 2], radius: 1.0, inner_radius: 0.5 }, 0.75 * PI),
+            (Shape::Sphere { centre: [1.0; 3], radius: 1.0, inner_radius: 0.0 }, 4.0 / 3.0 * PI),
+            (Shape::Sphere { centre: [1.0; 3], radius: 1.0, inner_radius: 0.5 }, 4.0 / 3.0 * PI * 0.875),
+            (Shape::Cylinder { from: [0.0; 3], to: [0.0, 0.0, 2.0], radius: 1.0, inner_radius: 0.0 }, 2.0 * PI),
+            (Shape::Cylinder { from: [1.0, 2.0, 3.0], to: [2.0, 4.0, 5.0], radius: 1.0, inner_radius: 0.5 }, 3.0 * 0.75 * PI),
         ];
         for (shape, measure) in shapes {
             assert!((shape.measure() / measure - 1.0).abs() < 1e-14);
             let cloud = shape.fill(&Filling::of_spacing(0.05)).unwrap();
-            assert!(
-                (total(&cloud) / measure - 1.0).abs() < 0.01,
-                "{shape:?}: {}",
-                total(&cloud) / measure
-            );
+            assert!((total(&cloud) / measure - 1.0).abs() < 0.01, "{shape:?}: {}", total(&cloud) / measure);
             cloud.validate().unwrap();
         }
     }
 
     #[test]
     fn cylinder_lies_along_its_axis_in_any_direction() {
-        let along_z = Shape::Cylinder {
-            from: [0.0; 3],
-            to: [0.0, 0.0, 1.0],
-            radius: 0.5,
-            inner_radius: 0.0,
-        };
+        let along_z = Shape::Cylinder { from: [0.0; 3], to: [0.0, 0.0, 1.0], radius: 0.5, inner_radius: 0.0 };
         let filling = Filling::of_spacing(0.1);
         let reference = along_z.fill(&filling).unwrap();
         assert!((reference.position[0][2] - 0.05).abs() < 1e-15);
-        for to in [
-            [1.0, 0.0, 0.0],
-            [0.0, -1.0, 0.0],
-            [2.0 / 3.0, 2.0 / 3.0, 1.0 / 3.0],
-        ] {
-            let turned = Shape::Cylinder {
-                from: [0.0; 3],
-                to,
-                radius: 0.5,
-                inner_radius: 0.0,
-            }
-            .fill(&filling)
-            .unwrap();
+        for to in [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [2.0 / 3.0, 2.0 / 3.0, 1.0 / 3.0]] {
+            let turned = Shape::Cylinder { from: [0.0; 3], to, radius: 0.5, inner_radius: 0.0 }.fill(&filling).unwrap();
             assert_eq!(turned.len(), reference.len());
             for (x, y) in turned.position.iter().zip(&reference.position) {
                 let along: f64 = (0..3).map(|k| x[k] * to[k]).sum();
                 let off = (0..3).map(|k| (x[k] - along * to[k]).powi(2)).sum::<f64>();
-                assert!(
-                    (along - y[2]).abs() < 1e-14 && (off - y[0] * y[0] - y[1] * y[1]).abs() < 1e-14
-                );
+                assert!((along - y[2]).abs() < 1e-14 && (off - y[0] * y[0] - y[1] * y[1]).abs() < 1e-14);
             }
             let lattice = turned.lattice.unwrap();
             for x in &turned.position {
-                assert!(
-                    lattice
-                        .coordinates(x)
-                        .iter()
-                        .all(|c| (c - c.round()).abs() < 1e-12)
-                );
+                assert!(lattice.coordinates(x).iter().all(|c| (c - c.round()).abs() < 1e-12));
             }
         }
     }
 
     #[test]
     fn jitter_is_seeded_bounded_and_spread() {
-        let block = Shape::Box {
-            from: [0.0; 3],
-            to: [2.0; 3],
-        };
-        let jittered = |seed| {
-            block
-                .fill(&Filling {
-                    jitter: Some(Jitter {
-                        amplitude: 0.4,
-                        seed,
-                    }),
-                    ..Filling::of_spacing(0.1)
-                })
-                .unwrap()
-        };
-        let (a, b, plain) = (
-            jittered(7),
-            jittered(7),
-            block.fill(&Filling::of_spacing(0.1)).unwrap(),
-        );
+        let block = Shape::Box { from: [0.0; 3], to: [2.0; 3] };
+        let jittered = |seed| block.fill(&Filling { jitter: Some(Jitter { amplitude: 0.4, seed }), ..Filling::of_spacing(0.1) }).unwrap();
+        let (a, b, plain) = (jittered(7), jittered(7), block.fill(&Filling::of_spacing(0.1)).unwrap());
         assert_eq!(a, b);
         assert_ne!(a.position, jittered(8).position);
         let (mut sum, mut square) = (0.0, 0.0);
@@ -863,60 +563,28 @@ mod tests {
         // Uniform: mean 0 ± 4 σ/√n, variance 0.4²/3.
         let n = 24000.0f64;
         assert!((sum / n).abs() < 4.0 * 0.231 / n.sqrt(), "{}", sum / n);
-        assert!(
-            (square / n / (0.16 / 3.0) - 1.0).abs() < 0.03,
-            "{}",
-            square / n
-        );
-        let wild = Filling {
-            jitter: Some(Jitter {
-                amplitude: 0.5,
-                seed: 0,
-            }),
-            ..Filling::of_spacing(0.1)
-        };
+        assert!((square / n / (0.16 / 3.0) - 1.0).abs() < 0.03, "{}", square / n);
+        let wild = Filling { jitter: Some(Jitter { amplitude: 0.5, seed: 0 }), ..Filling::of_spacing(0.1) };
         assert_eq!(block.fill(&wild).unwrap_err(), GenerateError::Jitter(0.5));
     }
 
     #[test]
     fn holes_blocks_and_joins() {
-        let filling = Filling {
-            block: "left".into(),
-            ..Filling::of_spacing(0.1)
-        };
-        let mut plate = Shape::Rectangle {
-            from: [0.0, 0.0],
-            to: [1.0, 1.0],
-        }
-        .fill(&filling)
-        .unwrap();
+        let filling = Filling { block: "left".into(), ..Filling::of_spacing(0.1) };
+        let mut plate = Shape::Rectangle { from: [0.0, 0.0], to: [1.0, 1.0] }.fill(&filling).unwrap();
         plate.remove(region::disc([0.5, 0.5], 0.1));
         assert_eq!(plate.len(), 96);
         assert_eq!(plate.id[95], 99, "ids stay");
-        let other = Shape::Rectangle {
-            from: [1.0, 0.0],
-            to: [2.0, 1.0],
-        }
-        .fill(&Filling {
-            block: "right".into(),
-            ..Filling::of_spacing(0.1)
-        })
-        .unwrap();
+        let other = Shape::Rectangle { from: [1.0, 0.0], to: [2.0, 1.0] }
+            .fill(&Filling { block: "right".into(), ..Filling::of_spacing(0.1) })
+            .unwrap();
         plate.join(&other);
-        assert_eq!(
-            (plate.len(), plate.block[195], plate.id[195]),
-            (196, 1, 199)
-        );
+        assert_eq!((plate.len(), plate.block[195], plate.id[195]), (196, 1, 199));
         assert!(plate.lattice.is_some());
         plate.validate().unwrap();
         plate.assign_block("top", |x| x[1] > 0.9);
         assert_eq!(plate.block.iter().filter(|&&b| b == 2).count(), 20);
-        let finer = Shape::Rectangle {
-            from: [2.0, 0.0],
-            to: [3.0, 1.0],
-        }
-        .fill(&Filling::of_spacing(0.05))
-        .unwrap();
+        let finer = Shape::Rectangle { from: [2.0, 0.0], to: [3.0, 1.0] }.fill(&Filling::of_spacing(0.05)).unwrap();
         plate.join(&finer);
         assert!(plate.lattice.is_none());
     }

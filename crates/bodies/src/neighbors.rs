@@ -74,9 +74,7 @@ pub enum NeighborError {
         horizon: f64,
     },
     /// A mirror that is no plane of this space.
-    #[error(
-        "mirror at {at} along axis {axis} in {dimension} dimensions; the axis must be below the dimension, the coordinate finite"
-    )]
+    #[error("mirror at {at} along axis {axis} in {dimension} dimensions; the axis must be below the dimension, the coordinate finite")]
     Mirror {
         /// Axis of the mirror.
         axis: usize,
@@ -114,9 +112,7 @@ pub enum NeighborError {
         horizon: f64,
     },
     /// More than two mirrors along one axis, or the same one twice.
-    #[error(
-        "mirrors at {first} and {second} along axis {axis} lie on the same side of the body; keep one"
-    )]
+    #[error("mirrors at {first} and {second} along axis {axis} lie on the same side of the body; keep one")]
     SameSide {
         /// Axis of both mirrors.
         axis: usize,
@@ -167,14 +163,8 @@ impl Neighbors {
     pub fn reflect(&self, mut x: [f64; 3], flips: u8, from: [f64; 3]) -> [f64; 3] {
         for k in 0..3 {
             if flips & (1 << k) != 0 {
-                let images = self
-                    .mirrors
-                    .iter()
-                    .filter(|m| m.axis == k)
-                    .map(|m| 2.0 * m.at - x[k]);
-                x[k] = images
-                    .min_by(|a, b| (a - from[k]).abs().total_cmp(&(b - from[k]).abs()))
-                    .unwrap_or(x[k]);
+                let images = self.mirrors.iter().filter(|m| m.axis == k).map(|m| 2.0 * m.at - x[k]);
+                x[k] = images.min_by(|a, b| (a - from[k]).abs().total_cmp(&(b - from[k]).abs())).unwrap_or(x[k]);
             }
         }
         x
@@ -184,17 +174,10 @@ impl Neighbors {
     ///
     /// `cut` has one entry per directed bond; missing entries count as false.
     pub fn without(&self, cut: &[bool]) -> Self {
-        let mut kept = Self {
-            mirrors: self.mirrors.clone(),
-            offsets: Vec::with_capacity(self.offsets.len()),
-            ..Self::default()
-        };
+        let mut kept = Self { mirrors: self.mirrors.clone(), offsets: Vec::with_capacity(self.offsets.len()), ..Self::default() };
         kept.offsets.push(0);
         for i in 0..self.points() {
-            for bond in self
-                .bonds_of(i)
-                .filter(|&b| !cut.get(b).copied().unwrap_or(false))
-            {
+            for bond in self.bonds_of(i).filter(|&b| !cut.get(b).copied().unwrap_or(false)) {
                 kept.index.push(self.index[bond]);
                 if let Some(&flips) = self.flips.get(bond) {
                     kept.flips.push(flips);
@@ -216,11 +199,7 @@ impl Neighbors {
 ///
 /// # Errors
 /// If lengths differ, a coordinate is not finite, or a horizon is not positive.
-pub fn neighbors(
-    position: &[[f64; 3]],
-    dimension: usize,
-    horizon: &[f64],
-) -> Result<Neighbors, NeighborError> {
+pub fn neighbors(position: &[[f64; 3]], dimension: usize, horizon: &[f64]) -> Result<Neighbors, NeighborError> {
     check(position, dimension, horizon)?;
     Ok(search(position, dimension, horizon, None))
 }
@@ -250,25 +229,11 @@ pub fn neighbors_with_mirrors(
     if continued.position.len() >= u32::MAX as usize {
         return Err(NeighborError::TooMany(continued.position.len()));
     }
-    let mut found = search(
-        &continued.position,
-        dimension,
-        horizon,
-        Some(&continued.real),
-    );
+    let mut found = search(&continued.position, dimension, horizon, Some(&continued.real));
     found.mirrors = mirrors.to_vec();
     // Entities are numbered by owner, then flips, so the order of each list stands.
-    found.flips = found
-        .index
-        .par_iter()
-        .with_min_len(RUN)
-        .map(|&e| continued.flips[e as usize])
-        .collect();
-    found
-        .index
-        .par_iter_mut()
-        .with_min_len(RUN)
-        .for_each(|e| *e = continued.owner[*e as usize]);
+    found.flips = found.index.par_iter().with_min_len(RUN).map(|&e| continued.flips[e as usize]).collect();
+    found.index.par_iter_mut().with_min_len(RUN).for_each(|e| *e = continued.owner[*e as usize]);
     Ok(found)
 }
 
@@ -288,19 +253,9 @@ pub(crate) struct Continued {
 
 impl Continued {
     /// Continues the body by the images that lie within `reach` of its bounding box.
-    pub(crate) fn new(
-        position: &[[f64; 3]],
-        spacing: &[f64],
-        mirrors: &[Mirror],
-        reach: f64,
-    ) -> Self {
+    pub(crate) fn new(position: &[[f64; 3]], spacing: &[f64], mirrors: &[Mirror], reach: f64) -> Self {
         let bounds: [(f64, f64); 3] = [0, 1, 2].map(|k| bounds(position, k));
-        let mut all = Self {
-            position: Vec::new(),
-            owner: Vec::new(),
-            flips: Vec::new(),
-            real: Vec::new(),
-        };
+        let mut all = Self { position: Vec::new(), owner: Vec::new(), flips: Vec::new(), real: Vec::new() };
         let mut images: Vec<([f64; 3], u8)> = Vec::new();
         for (i, x) in position.iter().enumerate() {
             images.clear();
@@ -337,74 +292,39 @@ fn check(position: &[[f64; 3]], dimension: usize, horizon: &[f64]) -> Result<(),
         return Err(NeighborError::Dimension(dimension));
     }
     if position.len() != horizon.len() {
-        return Err(NeighborError::Lengths {
-            points: position.len(),
-            horizons: horizon.len(),
-        });
+        return Err(NeighborError::Lengths { points: position.len(), horizons: horizon.len() });
     }
     if position.len() >= u32::MAX as usize {
         return Err(NeighborError::TooMany(position.len()));
     }
-    if let Some((point, &position)) = position
-        .iter()
-        .enumerate()
-        .find(|(_, x)| x.iter().any(|c| !c.is_finite()))
-    {
+    if let Some((point, &position)) = position.iter().enumerate().find(|(_, x)| x.iter().any(|c| !c.is_finite())) {
         return Err(NeighborError::NotFinite { point, position });
     }
-    if let Some((point, &horizon)) = horizon
-        .iter()
-        .enumerate()
-        .find(|(_, d)| !(d.is_finite() && **d > 0.0))
-    {
+    if let Some((point, &horizon)) = horizon.iter().enumerate().find(|(_, d)| !(d.is_finite() && **d > 0.0)) {
         return Err(NeighborError::Horizon { point, horizon });
     }
     Ok(())
 }
 
-fn check_mirrors(
-    position: &[[f64; 3]],
-    dimension: usize,
-    spacing: &[f64],
-    reach: f64,
-    mirrors: &[Mirror],
-) -> Result<(), NeighborError> {
+fn check_mirrors(position: &[[f64; 3]], dimension: usize, spacing: &[f64], reach: f64, mirrors: &[Mirror]) -> Result<(), NeighborError> {
     let finest = spacing.iter().fold(f64::INFINITY, |a, &b| a.min(b));
     for (m, mirror) in mirrors.iter().enumerate() {
         let Mirror { axis, at } = *mirror;
         if axis >= dimension || !at.is_finite() {
-            return Err(NeighborError::Mirror {
-                axis,
-                at,
-                dimension,
-            });
+            return Err(NeighborError::Mirror { axis, at, dimension });
         }
         let (least, most) = bounds(position, axis);
         let beyond = |x: f64| (x - at).abs() > 1e-6 * finest;
         if least < at && most > at && beyond(least) && beyond(most) {
-            return Err(NeighborError::BothSides {
-                axis,
-                at,
-                least,
-                most,
-            });
+            return Err(NeighborError::BothSides { axis, at, least, most });
         }
         for other in mirrors[..m].iter().filter(|o| o.axis == axis) {
             let middle = 0.5 * (least + most);
             if (other.at < middle) == (at < middle) {
-                return Err(NeighborError::SameSide {
-                    axis,
-                    first: other.at,
-                    second: at,
-                });
+                return Err(NeighborError::SameSide { axis, first: other.at, second: at });
             }
             if (other.at - at).abs() < reach {
-                return Err(NeighborError::TooThin {
-                    axis,
-                    first: other.at,
-                    second: at,
-                    horizon: reach / (1.0 + 1e-6),
-                });
+                return Err(NeighborError::TooThin { axis, first: other.at, second: at, horizon: reach / (1.0 + 1e-6) });
             }
         }
     }
@@ -412,45 +332,34 @@ fn check_mirrors(
 }
 
 /// Families among `position`; of all of them, or of the points `queries` only. Horizons belong to the queries.
-fn search(
-    position: &[[f64; 3]],
-    dimension: usize,
-    horizon: &[f64],
-    queries: Option<&[u32]>,
-) -> Neighbors {
+fn search(position: &[[f64; 3]], dimension: usize, horizon: &[f64], queries: Option<&[u32]>) -> Neighbors {
     let n = horizon.len();
     // Half the mean horizon: cells small enough that the rows of a ball hug it, large enough that a row is worth a loop.
     let mean = horizon.iter().sum::<f64>() / n.max(1) as f64;
     let cells = CellList::new(position, dimension, 0.5 * mean);
-    let far = position
-        .iter()
-        .flatten()
-        .fold(0.0, |a: f64, &b| a.max(b.abs()));
+    let far = position.iter().flatten().fold(0.0, |a: f64, &b| a.max(b.abs()));
     let rounding = 4.0 * f64::EPSILON * far;
     let query = |q: usize| queries.map_or(q, |all| all[q] as usize);
     let ball = |q: usize| horizon[q] * (1.0 + MARGIN) + rounding;
     let [slow, middle, fast] = &cells.coordinates;
 
     let mut offsets = vec![0usize; n + 1];
-    offsets[1..]
-        .par_chunks_mut(RUN)
-        .enumerate()
-        .for_each(|(run, counts)| {
-            for (k, count) in counts.iter_mut().enumerate() {
-                let q = run * RUN + k;
-                let (x, radius) = (cells.ordered(&position[query(q)]), ball(q));
-                let square = radius * radius;
-                let mut inside = 0usize;
-                cells.runs(x, radius, |slots| {
-                    let (a, b, c) = (&slow[slots.clone()], &middle[slots.clone()], &fast[slots]);
-                    for ((a, b), c) in a.iter().zip(b).zip(c) {
-                        let d = [a - x[0], b - x[1], c - x[2]];
-                        inside += usize::from(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= square);
-                    }
-                });
-                *count = inside - 1;
-            }
-        });
+    offsets[1..].par_chunks_mut(RUN).enumerate().for_each(|(run, counts)| {
+        for (k, count) in counts.iter_mut().enumerate() {
+            let q = run * RUN + k;
+            let (x, radius) = (cells.ordered(&position[query(q)]), ball(q));
+            let square = radius * radius;
+            let mut inside = 0usize;
+            cells.runs(x, radius, |slots| {
+                let (a, b, c) = (&slow[slots.clone()], &middle[slots.clone()], &fast[slots]);
+                for ((a, b), c) in a.iter().zip(b).zip(c) {
+                    let d = [a - x[0], b - x[1], c - x[2]];
+                    inside += usize::from(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= square);
+                }
+            });
+            *count = inside - 1;
+        }
+    });
     for i in 0..n {
         offsets[i + 1] += offsets[i];
     }
@@ -472,12 +381,7 @@ fn search(
             let family = &mut part[offsets[q] - offsets[first]..offsets[q + 1] - offsets[first]];
             let mut filled = 0;
             cells.runs(x, radius, |slots| {
-                let (a, b, c, points) = (
-                    &slow[slots.clone()],
-                    &middle[slots.clone()],
-                    &fast[slots.clone()],
-                    &cells.point[slots],
-                );
+                let (a, b, c, points) = (&slow[slots.clone()], &middle[slots.clone()], &fast[slots.clone()], &cells.point[slots]);
                 for (((a, b), c), &point) in a.iter().zip(b).zip(c).zip(points) {
                     let d = [a - x[0], b - x[1], c - x[2]];
                     if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= square && point != own {
@@ -489,12 +393,7 @@ fn search(
             family.sort_unstable();
         }
     });
-    Neighbors {
-        offsets,
-        index,
-        flips: Vec::new(),
-        mirrors: Vec::new(),
-    }
+    Neighbors { offsets, index, flips: Vec::new(), mirrors: Vec::new() }
 }
 
 #[cfg(test)]
@@ -505,39 +404,20 @@ mod tests {
     fn lattice(cells: [usize; 3], dimension: usize, unit: f64) -> Vec<[f64; 3]> {
         let to = cells.map(|c| c as f64 * unit);
         let shape = match dimension {
-            1 => Shape::Line {
-                from: 0.0,
-                to: to[0],
-            },
-            2 => Shape::Rectangle {
-                from: [0.0; 2],
-                to: [to[0], to[1]],
-            },
+            1 => Shape::Line { from: 0.0, to: to[0] },
+            2 => Shape::Rectangle { from: [0.0; 2], to: [to[0], to[1]] },
             _ => Shape::Box { from: [0.0; 3], to },
         };
         shape.fill(&Filling::of_spacing(unit)).unwrap().position
     }
 
     fn random(n: usize, dimension: usize, seed: u64) -> Vec<[f64; 3]> {
-        (0..n as u64)
-            .map(|i| {
-                [0u64, 1, 2].map(|k| {
-                    if (k as usize) < dimension {
-                        uniform(seed, 3 * i + k)
-                    } else {
-                        0.0
-                    }
-                })
-            })
-            .collect()
+        (0..n as u64).map(|i| [0u64, 1, 2].map(|k| if (k as usize) < dimension { uniform(seed, 3 * i + k) } else { 0.0 })).collect()
     }
 
     /// Families by looking at all pairs.
     fn all_pairs(position: &[[f64; 3]], horizon: &[f64]) -> Neighbors {
-        let mut found = Neighbors {
-            offsets: vec![0],
-            ..Neighbors::default()
-        };
+        let mut found = Neighbors { offsets: vec![0], ..Neighbors::default() };
         for (i, x) in position.iter().enumerate() {
             for (j, y) in position.iter().enumerate() {
                 let distance = (0..3).map(|k| (y[k] - x[k]).powi(2)).sum::<f64>().sqrt();
@@ -564,10 +444,7 @@ mod tests {
             assert_eq!(count([11, 1, 1], 1, 3.0).of(5), [2, 3, 4, 6, 7, 8]);
             // On the horizon: 5 = |(3, 4)| = |(5, 0)|, lattice points in the closed disc and ball of radius 5.
             assert_eq!(count([21, 21, 1], 2, 5.0).of(10 * 21 + 10).len(), 80);
-            assert_eq!(
-                count([11, 11, 11], 3, 5.0).of(5 * 121 + 5 * 11 + 5).len(),
-                514
-            );
+            assert_eq!(count([11, 11, 11], 3, 5.0).of(5 * 121 + 5 * 11 + 5).len(), 514);
         }
     }
 
@@ -577,11 +454,7 @@ mod tests {
         let reference = neighbors(&near, 3, &vec![0.3; near.len()]).unwrap();
         for shift in [1e3, -1e6, 1e8] {
             let far: Vec<[f64; 3]> = near.iter().map(|x| x.map(|c| c + shift)).collect();
-            assert_eq!(
-                neighbors(&far, 3, &vec![0.3; far.len()]).unwrap(),
-                reference,
-                "{shift}"
-            );
+            assert_eq!(neighbors(&far, 3, &vec![0.3; far.len()]).unwrap(), reference, "{shift}");
         }
     }
 
@@ -594,25 +467,14 @@ mod tests {
                     // Two bodies far apart: the table of cells is sparse.
                     x.iter_mut().step_by(2).for_each(|x| x[0] += 1e7);
                 }
-                let mean =
-                    8f64.powf(1.0 / dimension as f64) / (n as f64).powf(1.0 / dimension as f64);
-                let horizon: Vec<f64> = (0..n as u64)
-                    .map(|i| mean * (0.2 + 3.0 * uniform(99, i).powi(3)))
-                    .collect();
+                let mean = 8f64.powf(1.0 / dimension as f64) / (n as f64).powf(1.0 / dimension as f64);
+                let horizon: Vec<f64> = (0..n as u64).map(|i| mean * (0.2 + 3.0 * uniform(99, i).powi(3))).collect();
                 let found = neighbors(&x, dimension, &horizon).unwrap();
                 assert!(found.bonds() > 3 * n);
                 assert_eq!(found, all_pairs(&x, &horizon));
                 for unit in [1e-9, 1e9] {
                     let scaled: Vec<[f64; 3]> = x.iter().map(|x| x.map(|c| c * unit)).collect();
-                    assert_eq!(
-                        neighbors(
-                            &scaled,
-                            dimension,
-                            &horizon.iter().map(|h| h * unit).collect::<Vec<_>>()
-                        )
-                        .unwrap(),
-                        found
-                    );
+                    assert_eq!(neighbors(&scaled, dimension, &horizon.iter().map(|h| h * unit).collect::<Vec<_>>()).unwrap(), found);
                 }
             }
         }
@@ -622,13 +484,8 @@ mod tests {
     fn threads_do_not_matter() {
         let x = random(20_000, 3, 4);
         let horizon = vec![0.08; x.len()];
-        let with = |threads| {
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap()
-                .install(|| neighbors(&x, 3, &horizon).unwrap())
-        };
+        let with =
+            |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| neighbors(&x, 3, &horizon).unwrap());
         let one = with(1);
         assert_eq!(one, with(2));
         assert_eq!(one, with(7));
@@ -637,11 +494,7 @@ mod tests {
 
     /// The body and its images as points of their own: position, owner, flips.
     fn doubled(position: &[[f64; 3]], mirrors: &[Mirror]) -> Vec<([f64; 3], u32, u8)> {
-        let mut all: Vec<([f64; 3], u32, u8)> = position
-            .iter()
-            .enumerate()
-            .map(|(i, &x)| (x, i as u32, 0))
-            .collect();
+        let mut all: Vec<([f64; 3], u32, u8)> = position.iter().enumerate().map(|(i, &x)| (x, i as u32, 0)).collect();
         for m in mirrors {
             for e in 0..all.len() {
                 let (mut x, i, flips) = all[e];
@@ -657,37 +510,14 @@ mod tests {
 
     #[test]
     fn mirrors_equal_the_doubled_body() {
-        let corner = [
-            Mirror { axis: 0, at: 0.0 },
-            Mirror { axis: 1, at: 5.0 },
-            Mirror { axis: 2, at: -1.0 },
-        ];
+        let corner = [Mirror { axis: 0, at: 0.0 }, Mirror { axis: 1, at: 5.0 }, Mirror { axis: 2, at: -1.0 }];
         for placement in [Placement::Cells, Placement::Ends] {
-            for (amplitude, mirrors) in [
-                (0.0, &corner[..1]),
-                (0.0, &corner[..2]),
-                (0.0, &corner[..]),
-                (0.3, &corner[..]),
-            ] {
-                let jitter = (placement == Placement::Cells).then_some(Jitter {
-                    amplitude,
-                    seed: 11,
-                });
-                let filling = Filling {
-                    placement,
-                    jitter,
-                    ..Filling::of_spacing(1.0)
-                };
-                let body = Shape::Box {
-                    from: [0.0, 0.0, -1.0],
-                    to: [6.0, 5.0, 4.0],
-                }
-                .fill(&filling)
-                .unwrap();
+            for (amplitude, mirrors) in [(0.0, &corner[..1]), (0.0, &corner[..2]), (0.0, &corner[..]), (0.3, &corner[..])] {
+                let jitter = (placement == Placement::Cells).then_some(Jitter { amplitude, seed: 11 });
+                let filling = Filling { placement, jitter, ..Filling::of_spacing(1.0) };
+                let body = Shape::Box { from: [0.0, 0.0, -1.0], to: [6.0, 5.0, 4.0] }.fill(&filling).unwrap();
                 let horizon = vec![3.0; body.len()];
-                let found =
-                    neighbors_with_mirrors(&body.position, 3, &body.spacing, &horizon, mirrors)
-                        .unwrap();
+                let found = neighbors_with_mirrors(&body.position, 3, &body.spacing, &horizon, mirrors).unwrap();
                 assert_eq!(found.flips.len(), found.bonds());
                 let all = doubled(&body.position, mirrors);
                 for (i, x) in body.position.iter().enumerate() {
@@ -695,23 +525,16 @@ mod tests {
                         .iter()
                         .filter(|(y, j, flips)| {
                             (*j as usize != i || *flips != 0)
-                                && (0..3).map(|k| (y[k] - x[k]).powi(2)).sum::<f64>().sqrt()
-                                    <= 3.0 * (1.0 + 1e-9)
+                                && (0..3).map(|k| (y[k] - x[k]).powi(2)).sum::<f64>().sqrt() <= 3.0 * (1.0 + 1e-9)
                         })
                         .map(|&(_, j, flips)| (j, flips))
                         .collect();
                     expected.sort_unstable();
-                    let got: Vec<(u32, u8)> = found
-                        .bonds_of(i)
-                        .map(|b| (found.index[b], found.flips[b]))
-                        .collect();
+                    let got: Vec<(u32, u8)> = found.bonds_of(i).map(|b| (found.index[b], found.flips[b])).collect();
                     assert_eq!(got, expected, "{placement:?} {i}");
                     for b in found.bonds_of(i) {
                         let y = found.end(&body.position, i, b);
-                        let image = all
-                            .iter()
-                            .find(|a| a.1 == found.index[b] && a.2 == found.flips[b])
-                            .unwrap();
+                        let image = all.iter().find(|a| a.1 == found.index[b] && a.2 == found.flips[b]).unwrap();
                         assert!((0..3).all(|k| (y[k] - image.0[k]).abs() < 1e-12));
                     }
                 }
@@ -721,72 +544,31 @@ mod tests {
 
     #[test]
     fn two_mirrors_along_an_axis() {
-        let body = Shape::Line { from: 0.0, to: 6.0 }
-            .fill(&Filling::of_spacing(1.0))
-            .unwrap();
+        let body = Shape::Line { from: 0.0, to: 6.0 }.fill(&Filling::of_spacing(1.0)).unwrap();
         let mirrors = [Mirror { axis: 0, at: 0.0 }, Mirror { axis: 0, at: 6.0 }];
-        let found =
-            neighbors_with_mirrors(&body.position, 1, &body.spacing, &[2.0; 6], &mirrors).unwrap();
+        let found = neighbors_with_mirrors(&body.position, 1, &body.spacing, &[2.0; 6], &mirrors).unwrap();
         let ends = |i: usize| {
-            let mut ends: Vec<f64> = found
-                .bonds_of(i)
-                .map(|b| found.end(&body.position, i, b)[0])
-                .collect();
+            let mut ends: Vec<f64> = found.bonds_of(i).map(|b| found.end(&body.position, i, b)[0]).collect();
             ends.sort_by(f64::total_cmp);
             ends
         };
         assert_eq!(ends(0), [-1.5, -0.5, 1.5, 2.5]);
         assert_eq!(ends(5), [3.5, 4.5, 6.5, 7.5]);
-        assert_eq!(
-            (found.of(0), &found.flips[found.bonds_of(0)]),
-            (&[0, 1, 1, 2][..], &[1, 0, 1, 0][..])
-        );
+        assert_eq!((found.of(0), &found.flips[found.bonds_of(0)]), (&[0, 1, 1, 2][..], &[1, 0, 1, 0][..]));
     }
 
     #[test]
     fn faults_are_told() {
         let x = lattice([4, 1, 1], 1, 1.0);
-        assert_eq!(
-            neighbors(&x, 1, &[1.0; 3]).unwrap_err(),
-            NeighborError::Lengths {
-                points: 4,
-                horizons: 3
-            }
-        );
-        assert_eq!(
-            neighbors(&x, 0, &[1.0; 4]).unwrap_err(),
-            NeighborError::Dimension(0)
-        );
-        assert!(matches!(
-            neighbors(&x, 1, &[1.0, 0.0, 1.0, 1.0]).unwrap_err(),
-            NeighborError::Horizon { point: 1, .. }
-        ));
-        assert!(matches!(
-            neighbors(&[[f64::NAN; 3]], 1, &[1.0]).unwrap_err(),
-            NeighborError::NotFinite { point: 0, .. }
-        ));
-        let mirrored = |mirrors: &[Mirror]| {
-            neighbors_with_mirrors(&x, 1, &[1.0; 4], &[2.0; 4], mirrors).unwrap_err()
-        };
-        assert!(matches!(
-            mirrored(&[Mirror { axis: 1, at: 0.0 }]),
-            NeighborError::Mirror { .. }
-        ));
-        assert!(matches!(
-            mirrored(&[Mirror { axis: 0, at: 2.0 }]),
-            NeighborError::BothSides { .. }
-        ));
-        assert!(matches!(
-            mirrored(&[Mirror { axis: 0, at: 0.0 }, Mirror { axis: 0, at: -1.0 }]),
-            NeighborError::SameSide { .. }
-        ));
-        let tight = neighbors_with_mirrors(
-            &x,
-            1,
-            &[1.0; 4],
-            &[5.0; 4],
-            &[Mirror { axis: 0, at: 0.0 }, Mirror { axis: 0, at: 4.0 }],
-        );
+        assert_eq!(neighbors(&x, 1, &[1.0; 3]).unwrap_err(), NeighborError::Lengths { points: 4, horizons: 3 });
+        assert_eq!(neighbors(&x, 0, &[1.0; 4]).unwrap_err(), NeighborError::Dimension(0));
+        assert!(matches!(neighbors(&x, 1, &[1.0, 0.0, 1.0, 1.0]).unwrap_err(), NeighborError::Horizon { point: 1, .. }));
+        assert!(matches!(neighbors(&[[f64::NAN; 3]], 1, &[1.0]).unwrap_err(), NeighborError::NotFinite { point: 0, .. }));
+        let mirrored = |mirrors: &[Mirror]| neighbors_with_mirrors(&x, 1, &[1.0; 4], &[2.0; 4], mirrors).unwrap_err();
+        assert!(matches!(mirrored(&[Mirror { axis: 1, at: 0.0 }]), NeighborError::Mirror { .. }));
+        assert!(matches!(mirrored(&[Mirror { axis: 0, at: 2.0 }]), NeighborError::BothSides { .. }));
+        assert!(matches!(mirrored(&[Mirror { axis: 0, at: 0.0 }, Mirror { axis: 0, at: -1.0 }]), NeighborError::SameSide { .. }));
+        let tight = neighbors_with_mirrors(&x, 1, &[1.0; 4], &[5.0; 4], &[Mirror { axis: 0, at: 0.0 }, Mirror { axis: 0, at: 4.0 }]);
         assert!(matches!(tight.unwrap_err(), NeighborError::TooThin { .. }));
         assert_eq!(neighbors(&[], 2, &[]).unwrap().bonds(), 0);
     }
@@ -797,29 +579,18 @@ mod tests {
         let all = neighbors(&x, 1, &[1.0; 4]).unwrap();
         let cut: Vec<bool> = (0..all.bonds()).map(|b| all.index[b] == 1).collect();
         let kept = all.without(&cut);
-        assert_eq!(
-            (kept.of(0), kept.of(1), kept.of(2)),
-            (&[][..], &[0, 2][..], &[3][..])
-        );
+        assert_eq!((kept.of(0), kept.of(1), kept.of(2)), (&[][..], &[0, 2][..], &[3][..]));
         assert_eq!(all.without(&[]), all);
     }
 
     #[test]
     #[ignore = "takes seconds and memory; prints nothing, run with a clock"]
     fn a_million_points() {
-        let cloud = Shape::Box {
-            from: [0.0; 3],
-            to: [100.0; 3],
-        }
-        .fill(&Filling::of_spacing(1.0))
-        .unwrap();
+        let cloud = Shape::Box { from: [0.0; 3], to: [100.0; 3] }.fill(&Filling::of_spacing(1.0)).unwrap();
         let found = neighbors(&cloud.position, 3, &vec![3.015; cloud.len()]).unwrap();
         // Σ over offsets of Π (100 − |component|).
         let range = -3i64..=3;
-        let offsets = range
-            .clone()
-            .flat_map(|a| range.clone().map(move |b| (a, b)))
-            .flat_map(|(a, b)| (-3i64..=3).map(move |c| [a, b, c]));
+        let offsets = range.clone().flat_map(|a| range.clone().map(move |b| (a, b))).flat_map(|(a, b)| (-3i64..=3).map(move |c| [a, b, c]));
         let sum: i64 = offsets
             .filter(|o| (1..=9).contains(&o.iter().map(|c| c * c).sum::<i64>()))
             .map(|o| o.iter().map(|c| 100 - c.abs()).product::<i64>())

@@ -13,15 +13,7 @@ pub(crate) fn orientation(a: [f64; 2], b: [f64; 2], p: [f64; 2]) -> i8 {
         return sign(det);
     }
     // det = ax by − ax py − px by − ay bx + ay px + py bx, each product split into two floats without error.
-    let products = [
-        (a[0], b[1]),
-        (-a[0], p[1]),
-        (-p[0], b[1]),
-        (-a[1], b[0]),
-        (a[1], p[0]),
-        (p[1], b[0]),
-    ]
-    .map(|(u, v)| {
+    let products = [(a[0], b[1]), (-a[0], p[1]), (-p[0], b[1]), (-a[1], b[0]), (a[1], p[0]), (p[1], b[0])].map(|(u, v)| {
         let high = u * v;
         [high, u.mul_add(v, -high)]
     });
@@ -37,11 +29,7 @@ pub(crate) fn orientation(a: [f64; 2], b: [f64; 2], p: [f64; 2]) -> i8 {
         }
         expansion.push(carry);
     }
-    expansion
-        .iter()
-        .rev()
-        .find(|e| **e != 0.0)
-        .map_or(0, |&e| sign(e))
+    expansion.iter().rev().find(|e| **e != 0.0).map_or(0, |&e| sign(e))
 }
 
 fn sign(x: f64) -> i8 {

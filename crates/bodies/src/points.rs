@@ -71,9 +71,7 @@ pub enum PointError {
         value: f64,
     },
     /// A coordinate above the dimension is set.
-    #[error(
-        "point {id}: coordinate {component} is {value} in {dimension} dimensions; it must be zero"
-    )]
+    #[error("point {id}: coordinate {component} is {value} in {dimension} dimensions; it must be zero")]
     AboveDimension {
         /// The user's number of the point.
         id: u64,
@@ -146,10 +144,7 @@ impl PointErrors {
     pub const MOST: usize = 20;
 
     fn new() -> Self {
-        Self {
-            first: Vec::new(),
-            count: 0,
-        }
+        Self { first: Vec::new(), count: 0 }
     }
 
     fn add(&mut self, error: PointError) {
@@ -181,17 +176,9 @@ impl PointCloud {
     /// * `volume`: the measure of each point (length³);
     /// * `section`: what measures were multiplied with: area in one dimension, thickness in two, 1 in three. The spacing is
     ///   (volume/section)^(1/dimension).
-    pub fn from_points(
-        dimension: usize,
-        position: Vec<[f64; 3]>,
-        volume: Vec<f64>,
-        section: f64,
-    ) -> Self {
+    pub fn from_points(dimension: usize, position: Vec<[f64; 3]>, volume: Vec<f64>, section: f64) -> Self {
         let n = position.len();
-        let spacing = volume
-            .iter()
-            .map(|v| root(v / section, dimension))
-            .collect();
+        let spacing = volume.iter().map(|v| root(v / section, dimension)).collect();
         Self {
             dimension,
             position,
@@ -257,11 +244,7 @@ impl PointCloud {
     /// The lattice is kept if both clouds lie on one. The dimensions must agree; if not, [`PointCloud::validate`] tells of the
     /// coordinates that are too many.
     pub fn join(&mut self, other: &PointCloud) {
-        let blocks: Vec<u32> = other
-            .block_names
-            .iter()
-            .map(|name| self.block_named(name))
-            .collect();
+        let blocks: Vec<u32> = other.block_names.iter().map(|name| self.block_named(name)).collect();
         let next = self.id.iter().max().map_or(0, |&m| m.saturating_add(1));
         self.lattice = match (self.lattice, other.lattice) {
             (lattice, _) if other.is_empty() => lattice,
@@ -273,14 +256,8 @@ impl PointCloud {
         self.position.extend_from_slice(&other.position);
         self.volume.extend_from_slice(&other.volume);
         self.spacing.extend_from_slice(&other.spacing);
-        self.block.extend(
-            other
-                .block
-                .iter()
-                .map(|&b| blocks.get(b as usize).copied().unwrap_or(u32::MAX)),
-        );
-        self.id
-            .extend(other.id.iter().map(|&i| i.saturating_add(next)));
+        self.block.extend(other.block.iter().map(|&b| blocks.get(b as usize).copied().unwrap_or(u32::MAX)));
+        self.id.extend(other.id.iter().map(|&i| i.saturating_add(next)));
     }
 
     /// The spatial order of the points, for blocks of their mean spacing.
@@ -320,18 +297,9 @@ impl PointCloud {
         if n >= u32::MAX as usize {
             errors.add(PointError::TooMany(n));
         }
-        let lengths = [
-            ("volume", self.volume.len()),
-            ("spacing", self.spacing.len()),
-            ("block", self.block.len()),
-            ("id", self.id.len()),
-        ];
+        let lengths = [("volume", self.volume.len()), ("spacing", self.spacing.len()), ("block", self.block.len()), ("id", self.id.len())];
         for (what, found) in lengths.into_iter().filter(|&(_, found)| found != n) {
-            errors.add(PointError::Length {
-                what,
-                expected: n,
-                found,
-            });
+            errors.add(PointError::Length { what, expected: n, found });
         }
         // Point by point only what is whole can be looked at.
         if errors.count > 0 {
@@ -344,43 +312,24 @@ impl PointCloud {
                 let value = self.position[i][k];
                 if !value.is_finite() {
                     placed = false;
-                    errors.add(PointError::NotFinite {
-                        id,
-                        component,
-                        value,
-                    });
+                    errors.add(PointError::NotFinite { id, component, value });
                 } else if k >= self.dimension && value != 0.0 {
-                    errors.add(PointError::AboveDimension {
-                        id,
-                        component,
-                        value,
-                        dimension: self.dimension,
-                    });
+                    errors.add(PointError::AboveDimension { id, component, value, dimension: self.dimension });
                 }
             }
             let positive = |v: f64| v.is_finite() && v > 0.0;
             if !positive(self.volume[i]) {
-                errors.add(PointError::Volume {
-                    id,
-                    value: self.volume[i],
-                });
+                errors.add(PointError::Volume { id, value: self.volume[i] });
             }
             if !positive(self.spacing[i]) {
                 placed = false;
                 // A spacing that follows from a faulty measure is no second fault.
                 if positive(self.volume[i]) {
-                    errors.add(PointError::Spacing {
-                        id,
-                        value: self.spacing[i],
-                    });
+                    errors.add(PointError::Spacing { id, value: self.spacing[i] });
                 }
             }
             if self.block[i] as usize >= self.block_names.len() {
-                errors.add(PointError::Block {
-                    id,
-                    block: self.block[i],
-                    blocks: self.block_names.len(),
-                });
+                errors.add(PointError::Block { id, block: self.block[i], blocks: self.block_names.len() });
             }
         }
         let mut by_id: Vec<u32> = (0..n as u32).collect();
@@ -388,21 +337,13 @@ impl PointCloud {
         for pair in by_id.windows(2) {
             let (a, b) = (pair[0] as usize, pair[1] as usize);
             if self.id[a] == self.id[b] {
-                errors.add(PointError::SameId {
-                    id: self.id[a],
-                    first: self.position[a],
-                    second: self.position[b],
-                });
+                errors.add(PointError::SameId { id: self.id[a], first: self.position[a], second: self.position[b] });
             }
         }
         if placed {
             self.coincident(&mut errors);
         }
-        if errors.count == 0 {
-            Ok(())
-        } else {
-            Err(errors)
-        }
+        if errors.count == 0 { Ok(()) } else { Err(errors) }
     }
 
     /// Adds the pairs of points that coincide.
@@ -415,8 +356,7 @@ impl PointCloud {
             near.clear();
             cells.within(x, NEAR * self.spacing[i], |j, _| {
                 // Of unequal spacings the larger decides, and a pair is told once.
-                let larger = self.spacing[j as usize] < self.spacing[i]
-                    || (self.spacing[j as usize] == self.spacing[i] && j as usize > i);
+                let larger = self.spacing[j as usize] < self.spacing[i] || (self.spacing[j as usize] == self.spacing[i] && j as usize > i);
                 if larger && j as usize != i {
                     near.push(j);
                 }
@@ -424,11 +364,7 @@ impl PointCloud {
             near.sort_unstable();
             for &j in &near {
                 let (a, b) = (i.min(j as usize), i.max(j as usize));
-                errors.add(PointError::SamePlace {
-                    first: self.id[a],
-                    second: self.id[b],
-                    position: self.position[a],
-                });
+                errors.add(PointError::SamePlace { first: self.id[a], second: self.id[b], position: self.position[a] });
             }
         }
     }
@@ -472,16 +408,8 @@ impl Lattice {
             }
             origin[k] = low + h * s.atan2(c) / std::f64::consts::TAU;
         }
-        let lattice = Lattice {
-            origin,
-            axes: UNIT,
-            spacing: [h; 3],
-        };
-        let mut cells: Vec<[i64; 3]> = cloud
-            .position
-            .iter()
-            .map(|x| lattice.coordinates(x).map(|c| c.round() as i64))
-            .collect();
+        let lattice = Lattice { origin, axes: UNIT, spacing: [h; 3] };
+        let mut cells: Vec<[i64; 3]> = cloud.position.iter().map(|x| lattice.coordinates(x).map(|c| c.round() as i64)).collect();
         cells.sort_unstable();
         cells.windows(2).all(|w| w[0] != w[1]).then_some(lattice)
     }
@@ -506,25 +434,14 @@ mod tests {
 
     #[test]
     fn all_faults_are_told_at_once() {
-        let position = vec![
-            [0.0; 3],
-            [1.0, f64::NAN, 0.0],
-            [2.0, 0.0, 1.0],
-            [3.0, 0.0, 0.0],
-        ];
+        let position = vec![[0.0; 3], [1.0, f64::NAN, 0.0], [2.0, 0.0, 1.0], [3.0, 0.0, 0.0]];
         let mut cloud = PointCloud::from_points(2, position, vec![1.0, 1.0, 1.0, -1.0], 1.0);
         cloud.id = vec![5, 6, 7, 5];
         cloud.block[0] = 3;
         let errors = cloud.validate().unwrap_err();
         assert_eq!(errors.count, 5, "{errors}");
         let text = errors.to_string();
-        for part in [
-            "coordinate y is NaN",
-            "coordinate z is 1 in 2",
-            "volume -1",
-            "block number 3",
-            "share the id 5",
-        ] {
+        for part in ["coordinate y is NaN", "coordinate z is 1 in 2", "volume -1", "block number 3", "share the id 5"] {
             assert!(text.contains(part), "{part} not in {text}");
         }
         let mut many = PointCloud::from_points(1, vec![[0.0; 3]; 1000], vec![0.0; 1000], 1.0);
@@ -534,55 +451,24 @@ mod tests {
         assert_eq!((errors.first.len(), errors.count), (20, 999));
         assert!(errors.to_string().ends_with("and 979 more of 999 in all"));
         cloud.id.pop();
-        assert_eq!(
-            cloud.validate().unwrap_err().first,
-            vec![PointError::Length {
-                what: "id",
-                expected: 4,
-                found: 3
-            }]
-        );
-        assert_eq!(
-            PointCloud {
-                dimension: 4,
-                ..PointCloud::default()
-            }
-            .validate()
-            .unwrap_err()
-            .count,
-            2
-        );
+        assert_eq!(cloud.validate().unwrap_err().first, vec![PointError::Length { what: "id", expected: 4, found: 3 }]);
+        assert_eq!(PointCloud { dimension: 4, ..PointCloud::default() }.validate().unwrap_err().count, 2);
     }
 
     #[test]
     fn coincident_points_are_found_in_any_unit() {
         for unit in [1e-9, 1.0, 1e9] {
             let place = |gap: f64| {
-                let position = vec![
-                    [100.0 * unit, 0.0, 0.0],
-                    [101.0 * unit, 0.0, 0.0],
-                    [(100.0 + gap) * unit, 0.0, 0.0],
-                ];
+                let position = vec![[100.0 * unit, 0.0, 0.0], [101.0 * unit, 0.0, 0.0], [(100.0 + gap) * unit, 0.0, 0.0]];
                 PointCloud::from_points(2, position, vec![unit * unit * 0.1; 3], 0.1).validate()
             };
             let errors = place(0.9e-9).unwrap_err();
-            assert!(
-                matches!(
-                    errors.first[..],
-                    [PointError::SamePlace {
-                        first: 0,
-                        second: 2,
-                        ..
-                    }]
-                ),
-                "{errors}"
-            );
+            assert!(matches!(errors.first[..], [PointError::SamePlace { first: 0, second: 2, .. }]), "{errors}");
             place(1.1e-9).unwrap();
         }
         // The larger spacing decides, whichever point comes first.
         for swap in [false, true] {
-            let mut cloud =
-                PointCloud::from_points(1, vec![[0.0; 3], [5e-9, 0.0, 0.0]], vec![1.0, 10.0], 1.0);
+            let mut cloud = PointCloud::from_points(1, vec![[0.0; 3], [5e-9, 0.0, 0.0]], vec![1.0, 10.0], 1.0);
             if swap {
                 cloud = cloud.reordered(&spatial_order(&[[1.0, 0.0, 0.0], [0.0; 3]], 1, 1.0));
             }
@@ -600,27 +486,15 @@ mod tests {
 
     #[test]
     fn lattices_are_detected_also_when_jittered() {
-        let block = Shape::Box {
-            from: [0.3, -7.0, 100.0],
-            to: [1.3, -6.0, 100.5],
-        };
+        let block = Shape::Box { from: [0.3, -7.0, 100.0], to: [1.3, -6.0, 100.5] };
         for (amplitude, found) in [(0.0, true), (0.4, true)] {
-            let mut cloud = block
-                .fill(&Filling {
-                    jitter: Some(Jitter { amplitude, seed: 3 }),
-                    ..Filling::of_spacing(0.1)
-                })
-                .unwrap();
+            let mut cloud = block.fill(&Filling { jitter: Some(Jitter { amplitude, seed: 3 }), ..Filling::of_spacing(0.1) }).unwrap();
             let lattice = cloud.lattice.take().unwrap();
             let detected = Lattice::detect(&cloud);
             assert_eq!(detected.is_some(), found);
             let at = lattice.coordinates(&detected.unwrap().origin);
             // Five hundred points: the mean phase is good to about 0.4/√3/√500.
-            assert!(
-                at.iter()
-                    .all(|c| (c - c.round()).abs() < 1e-9 + 0.1 * amplitude),
-                "{at:?}"
-            );
+            assert!(at.iter().all(|c| (c - c.round()).abs() < 1e-9 + 0.1 * amplitude), "{at:?}");
         }
         let two = PointCloud::from_points(1, vec![[0.0; 3], [0.3, 0.0, 0.0]], vec![1.0; 2], 1.0);
         assert!(Lattice::detect(&two).is_none(), "two points in one cell");

@@ -90,11 +90,7 @@ mod tests {
         // Orientation does not matter.
         let reversed = polygon((0..5).rev().map(corner).collect());
         for k in 0..400 {
-            let p = [
-                -1.0 + 0.1 * f64::from(k % 20),
-                -1.0 + 0.1 * f64::from(k / 20),
-                0.0,
-            ];
+            let p = [-1.0 + 0.1 * f64::from(k % 20), -1.0 + 0.1 * f64::from(k / 20), 0.0];
             assert_eq!(star(p), reversed(p));
         }
     }

@@ -11,9 +11,7 @@ pub struct Permutation {
 impl Permutation {
     /// The permutation that changes nothing.
     pub fn identity(n: usize) -> Self {
-        Self {
-            order: (0..n as u32).collect(),
-        }
+        Self { order: (0..n as u32).collect() }
     }
 
     /// For each new place the old one.
@@ -42,10 +40,7 @@ impl Permutation {
 
     /// Values in the old order, brought into the new one. `values` has one entry per point.
     pub fn apply<T: Clone>(&self, values: &[T]) -> Vec<T> {
-        self.order
-            .iter()
-            .map(|&old| values[old as usize].clone())
-            .collect()
+        self.order.iter().map(|&old| values[old as usize].clone()).collect()
     }
 
     /// Values in the new order, brought back into the old one. `values` has one entry per point.
@@ -64,16 +59,10 @@ const BLOCK: f64 = 8.0;
 /// finite; what `spacing` is not positive is taken as one block.
 pub fn spatial_order(position: &[[f64; 3]], dimension: usize, spacing: f64) -> Permutation {
     let low = [0, 1, 2].map(|k| crate::cells::bounds(position, k).0);
-    let extent = (0..dimension)
-        .map(|k| crate::cells::bounds(position, k).1 - low[k])
-        .fold(0.0, f64::max);
+    let extent = (0..dimension).map(|k| crate::cells::bounds(position, k).1 - low[k]).fold(0.0, f64::max);
     let usable = spacing.is_finite() && spacing > 0.0;
     // The curve counts to 2²¹ along each axis; a body of more blocks gets larger ones.
-    let block = if usable {
-        (BLOCK * spacing).max(extent / f64::from(1 << 20))
-    } else {
-        extent.max(f64::MIN_POSITIVE) * 2.0
-    };
+    let block = if usable { (BLOCK * spacing).max(extent / f64::from(1 << 20)) } else { extent.max(f64::MIN_POSITIVE) * 2.0 };
     let row = if usable { spacing } else { block };
     // Half a row aside: a lattice that starts at the lowest point has its rows in the middle of the slots, safe from rounding.
     let place = |x: f64, k: usize, size: f64| ((x - low[k] + 0.5 * row) / size).floor();
@@ -98,14 +87,9 @@ pub fn spatial_order(position: &[[f64; 3]], dimension: usize, spacing: f64) -> P
     let along = dimension.clamp(1, 3) - 1;
     keys.par_sort_unstable_by(|a, b| {
         let x = |i: u32| position[i as usize][along];
-        a.0.cmp(&b.0)
-            .then(a.1.cmp(&b.1))
-            .then_with(|| x(a.2).total_cmp(&x(b.2)))
-            .then(a.2.cmp(&b.2))
+        a.0.cmp(&b.0).then(a.1.cmp(&b.1)).then_with(|| x(a.2).total_cmp(&x(b.2))).then(a.2.cmp(&b.2))
     });
-    Permutation {
-        order: keys.into_iter().map(|k| k.2).collect(),
-    }
+    Permutation { order: keys.into_iter().map(|k| k.2).collect() }
 }
 
 /// Place of a cell along the Hilbert curve through 2²¹ cells per axis (J. Skilling, Programming the Hilbert curve, 2004).
@@ -178,12 +162,7 @@ mod tests {
 
     #[test]
     fn order_is_a_permutation_independent_of_the_input_order() {
-        let cloud = Shape::Box {
-            from: [0.0; 3],
-            to: [20.0, 17.0, 9.0],
-        }
-        .fill(&Filling::of_spacing(1.0))
-        .unwrap();
+        let cloud = Shape::Box { from: [0.0; 3], to: [20.0, 17.0, 9.0] }.fill(&Filling::of_spacing(1.0)).unwrap();
         let order = cloud.spatial_order();
         let sorted = cloud.reordered(&order);
         let mut shuffle: Vec<u32> = (0..cloud.len() as u32).collect();
@@ -193,39 +172,18 @@ mod tests {
         assert_eq!(shuffled.reordered(&shuffled.spatial_order()), sorted);
         assert_eq!(order.undo(&sorted.position), cloud.position);
         assert_eq!(order.inverse().inverse(), order);
-        assert_eq!(
-            Permutation::identity(3).apply(&['a', 'b', 'c']),
-            ['a', 'b', 'c']
-        );
+        assert_eq!(Permutation::identity(3).apply(&['a', 'b', 'c']), ['a', 'b', 'c']);
         // Rows of the lattice are contiguous within blocks of eight: most steps go to the next point of a row.
-        let steps = sorted
-            .position
-            .windows(2)
-            .filter(|p| p[1][2] - p[0][2] == 1.0 && p[0][..2] == p[1][..2])
-            .count();
+        let steps = sorted.position.windows(2).filter(|p| p[1][2] - p[0][2] == 1.0 && p[0][..2] == p[1][..2]).count();
         assert!(steps * 8 > sorted.len() * 6, "{steps} of {}", sorted.len());
     }
 
     #[test]
     fn ties_go_by_index_and_units_do_not_matter() {
-        assert_eq!(
-            spatial_order(&[[1.0; 3]; 5], 3, 1.0),
-            Permutation::identity(5)
-        );
+        assert_eq!(spatial_order(&[[1.0; 3]; 5], 3, 1.0), Permutation::identity(5));
         assert_eq!(spatial_order(&[], 2, 1.0), Permutation::identity(0));
-        let position: Vec<[f64; 3]> = (0..500)
-            .map(|i| [0, 1, 2].map(|k| 30.0 * uniform(5, 3 * i + k)))
-            .collect();
-        let scaled = |u: f64| {
-            spatial_order(
-                &position
-                    .iter()
-                    .map(|x| x.map(|c| c * u))
-                    .collect::<Vec<_>>(),
-                3,
-                u,
-            )
-        };
+        let position: Vec<[f64; 3]> = (0..500).map(|i| [0, 1, 2].map(|k| 30.0 * uniform(5, 3 * i + k))).collect();
+        let scaled = |u: f64| spatial_order(&position.iter().map(|x| x.map(|c| c * u)).collect::<Vec<_>>(), 3, u);
         assert_eq!(scaled(1.0), scaled(2f64.powi(-30)));
         assert_eq!(scaled(1.0), scaled(1e9));
     }

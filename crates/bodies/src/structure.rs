@@ -101,7 +101,14 @@ struct Work {
 
 impl<const D: usize> Structure<D> {
     /// Joins a body with its conditions. `duration` is the length of the run, the scale for differences in time.
-    pub fn new(body: Body<D>, parts: Parts, conditions: Vec<Condition>, temperature: Option<Temperature>, failure: Vec<Failure>, duration: f64) -> Self {
+    pub fn new(
+        body: Body<D>,
+        parts: Parts,
+        conditions: Vec<Condition>,
+        temperature: Option<Temperature>,
+        failure: Vec<Failure>,
+        duration: f64,
+    ) -> Self {
         let n = body.points();
         let mass = (0..n * D).map(|q| parts.density[q / D] * body.volume()[q / D]).collect();
         let positions: Vec<f64> = body.position().iter().flat_map(|x| x[..D].to_vec()).collect();
@@ -487,7 +494,9 @@ impl<const D: usize> Statics for Structure<D> {
         self.at_time(t);
         self.body.tangent_product(u, None, x, y);
         self.evaluations.1 += 1;
-        each_contact::<D>(&self.conditions, self.body.position(), u, t, |_, p, wall, stiffness, _| add_along::<D>(wall, stiffness, p, x, y));
+        each_contact::<D>(&self.conditions, self.body.position(), u, t, |_, p, wall, stiffness, _| {
+            add_along::<D>(wall, stiffness, p, x, y)
+        });
         Ok(())
     }
     fn pattern(&mut self) -> Option<Arc<BlockPattern>> {

@@ -43,9 +43,7 @@ pub enum VisibilityError {
         families: usize,
     },
     /// A reach that cuts whole bodies.
-    #[error(
-        "reach {reach} spacings; below {least:.3} it would cut bonds inside a full lattice, use at least that"
-    )]
+    #[error("reach {reach} spacings; below {least:.3} it would cut bonds inside a full lattice, use at least that")]
     Reach {
         /// The reach given.
         reach: f64,
@@ -64,17 +62,10 @@ pub enum VisibilityError {
 ///
 /// # Errors
 /// If families and points differ in number, or the reach is less than √d/2.
-pub fn across_voids(
-    cloud: &PointCloud,
-    neighbors: &Neighbors,
-    reach: Option<f64>,
-) -> Result<Vec<bool>, VisibilityError> {
+pub fn across_voids(cloud: &PointCloud, neighbors: &Neighbors, reach: Option<f64>) -> Result<Vec<bool>, VisibilityError> {
     let (n, dimension) = (cloud.len(), cloud.dimension.clamp(1, 3));
     if neighbors.points() != n {
-        return Err(VisibilityError::Lengths {
-            points: n,
-            families: neighbors.points(),
-        });
+        return Err(VisibilityError::Lengths { points: n, families: neighbors.points() });
     }
     let least = 0.5 * (dimension as f64).sqrt();
     if let Some(reach) = reach
@@ -90,11 +81,7 @@ pub fn across_voids(
     {
         return Ok(hidden);
     }
-    Ok(anywhere(
-        cloud,
-        neighbors,
-        reach.unwrap_or(LATTICE_REACH.max(0.75 * (dimension as f64).sqrt())),
-    ))
+    Ok(anywhere(cloud, neighbors, reach.unwrap_or(LATTICE_REACH.max(0.75 * (dimension as f64).sqrt()))))
 }
 
 /// The cells that points stand in.
@@ -111,41 +98,23 @@ impl Homes {
     }
 
     fn on(cloud: &PointCloud, lattice: Lattice) -> Option<Self> {
-        let cell: Vec<[i32; 3]> = cloud
-            .position
-            .iter()
-            .map(|x| cell_of(&lattice, x))
-            .collect::<Option<_>>()?;
+        let cell: Vec<[i32; 3]> = cloud.position.iter().map(|x| cell_of(&lattice, x)).collect::<Option<_>>()?;
         let mut sorted = cell.clone();
         sorted.par_sort_unstable();
-        sorted
-            .windows(2)
-            .all(|w| w[0] != w[1])
-            .then_some(Self { lattice, cell })
+        sorted.windows(2).all(|w| w[0] != w[1]).then_some(Self { lattice, cell })
     }
 
     fn centre(&self, i: usize) -> [f64; 3] {
-        let Lattice {
-            origin,
-            axes,
-            spacing,
-        } = self.lattice;
+        let Lattice { origin, axes, spacing } = self.lattice;
         let cell = self.cell[i];
-        [0, 1, 2].map(|c| {
-            origin[c]
-                + (0..3)
-                    .map(|k| f64::from(cell[k]) * spacing[k] * axes[k][c])
-                    .sum::<f64>()
-        })
+        [0, 1, 2].map(|c| origin[c] + (0..3).map(|k| f64::from(cell[k]) * spacing[k] * axes[k][c]).sum::<f64>())
     }
 }
 
 fn cell_of(lattice: &Lattice, x: &[f64; 3]) -> Option<[i32; 3]> {
     let at = lattice.coordinates(x).map(f64::round);
     // A quarter of the range, so that differences do not overflow.
-    at.iter()
-        .all(|c| c.abs() < f64::from(1 << 29))
-        .then(|| at.map(|c| c as i32))
+    at.iter().all(|c| c.abs() < f64::from(1 << 29)).then(|| at.map(|c| c as i32))
 }
 
 /// Cells of a box that are full, with their number in any part of the box at hand.
@@ -163,20 +132,13 @@ impl Grid {
         let count = [0, 1, 2].map(|k| (i64::from(high[k]) - i64::from(low[k]) + 1) as usize);
         let total = count.iter().map(|&c| c as u128).product::<u128>();
         let allowed = total <= 64 * points as u128 + 4096 && total < u128::from(u32::MAX);
-        allowed.then(|| Self {
-            low,
-            count,
-            full: vec![false; total as usize],
-            sums: Vec::new(),
-        })
+        allowed.then(|| Self { low, count, full: vec![false; total as usize], sums: Vec::new() })
     }
 
     fn place(&self, cell: [i32; 3]) -> Option<usize> {
         let mut place = 0;
         for k in 0..3 {
-            let c = usize::try_from(cell[k] - self.low[k])
-                .ok()
-                .filter(|&c| c < self.count[k])?;
+            let c = usize::try_from(cell[k] - self.low[k]).ok().filter(|&c| c < self.count[k])?;
             place = place * self.count[k] + c;
         }
         Some(place)
@@ -204,8 +166,7 @@ impl Grid {
                 for c in 0..nz {
                     along += u32::from(self.full[(a * ny + b) * nz + c]);
                     let at = (a + 1) * layer + (b + 1) * row + c + 1;
-                    self.sums[at] = along + self.sums[at - layer] + self.sums[at - row]
-                        - self.sums[at - layer - row];
+                    self.sums[at] = along + self.sums[at - layer] + self.sums[at - row] - self.sums[at - layer - row];
                 }
             }
         }
@@ -219,13 +180,8 @@ impl Grid {
             return false;
         }
         let (from, to) = (from.map(|c| c as usize), to.map(|c| c as usize));
-        let at = |a: usize, b: usize, c: usize| {
-            i64::from(self.sums[(a * (self.count[1] + 1) + b) * (self.count[2] + 1) + c])
-        };
-        let slab = |a: usize| {
-            at(a, to[1], to[2]) - at(a, from[1], to[2]) - at(a, to[1], from[2])
-                + at(a, from[1], from[2])
-        };
+        let at = |a: usize, b: usize, c: usize| i64::from(self.sums[(a * (self.count[1] + 1) + b) * (self.count[2] + 1) + c]);
+        let slab = |a: usize| at(a, to[1], to[2]) - at(a, from[1], to[2]) - at(a, to[1], from[2]) + at(a, from[1], from[2]);
         let cells: i64 = (0..3).map(|k| (to[k] - from[k]) as i64).product();
         slab(to[0]) - slab(from[0]) == cells
     }
@@ -239,11 +195,7 @@ fn stencil(offset: [i32; 3], reach: f64, dimension: usize) -> Stencil {
     let square: f64 = o.iter().map(|c| c * c).sum();
     let pad = reach.ceil() as i32;
     let range = |k: usize| {
-        if k < dimension {
-            offset[k].min(0) - pad..=offset[k].max(0) + pad
-        } else {
-            0..=0
-        }
+        if k < dimension { offset[k].min(0) - pad..=offset[k].max(0) + pad } else { 0..=0 }
     };
     let mut balls = Stencil::new();
     for a in range(0) {
@@ -281,41 +233,23 @@ fn leave_gap(intervals: impl Iterator<Item = (f64, f64)>) -> bool {
 }
 
 /// The test between cells of a lattice; none if the lattice is not its own mirror image, or its box too empty to be stored.
-fn on_lattice(
-    cloud: &PointCloud,
-    homes: &Homes,
-    neighbors: &Neighbors,
-    reach: f64,
-) -> Option<Vec<bool>> {
+fn on_lattice(cloud: &PointCloud, homes: &Homes, neighbors: &Neighbors, reach: f64) -> Option<Vec<bool>> {
     let dimension = cloud.dimension;
     let lattice = &homes.lattice;
     let pad = reach.ceil() as i32;
     // The cells the bond goes through, mirror images included.
-    let centres: Vec<[f64; 3]> = if neighbors.mirrors.is_empty() {
-        Vec::new()
-    } else {
-        (0..cloud.len()).map(|i| homes.centre(i)).collect()
-    };
+    let centres: Vec<[f64; 3]> =
+        if neighbors.mirrors.is_empty() { Vec::new() } else { (0..cloud.len()).map(|i| homes.centre(i)).collect() };
     let images = if centres.is_empty() {
         Vec::new()
     } else {
         let farthest = cloud.spacing.iter().fold(0.0, |a: f64, &b| a.max(b)) * (reach + 1.0);
-        let continued = Continued::new(
-            &centres,
-            &cloud.spacing,
-            &neighbors.mirrors,
-            longest(&centres, neighbors) + farthest,
-        );
-        let beyond = continued
-            .position
-            .iter()
-            .zip(&continued.flips)
-            .filter(|(_, flips)| **flips != 0);
+        let continued = Continued::new(&centres, &cloud.spacing, &neighbors.mirrors, longest(&centres, neighbors) + farthest);
+        let beyond = continued.position.iter().zip(&continued.flips).filter(|(_, flips)| **flips != 0);
         let cells: Option<Vec<[i32; 3]>> = beyond
             .map(|(x, _)| {
                 let at = lattice.coordinates(x);
-                cell_of(lattice, x)
-                    .filter(|cell| (0..3).all(|k| (at[k] - f64::from(cell[k])).abs() < 1e-6))
+                cell_of(lattice, x).filter(|cell| (0..3).all(|k| (at[k] - f64::from(cell[k])).abs() < 1e-6))
             })
             .collect();
         cells?
@@ -331,8 +265,7 @@ fn on_lattice(
         let j = neighbors.index[bond] as usize;
         let end = match neighbors.flips_of(bond) {
             0 => homes.cell[j],
-            flips => cell_of(lattice, &neighbors.reflect(centres[j], flips, centres[i]))
-                .unwrap_or(homes.cell[j]),
+            flips => cell_of(lattice, &neighbors.reflect(centres[j], flips, centres[i])).unwrap_or(homes.cell[j]),
         };
         [0, 1, 2].map(|k| end[k] - homes.cell[i][k])
     };
@@ -343,17 +276,9 @@ fn on_lattice(
         let all: Vec<usize> = (0..sides.iter().product()).collect();
         all.par_iter()
             .map(|&e| {
-                let offset = [
-                    e / (sides[1] * sides[2]),
-                    e / sides[2] % sides[1],
-                    e % sides[2],
-                ];
+                let offset = [e / (sides[1] * sides[2]), e / sides[2] % sides[1], e % sides[2]];
                 let offset = [0, 1, 2].map(|k| offset[k] as i32 - most[k]);
-                if offset == [0; 3] {
-                    Vec::new()
-                } else {
-                    stencil(offset, reach, dimension)
-                }
+                if offset == [0; 3] { Vec::new() } else { stencil(offset, reach, dimension) }
             })
             .collect()
     } else {
@@ -361,98 +286,62 @@ fn on_lattice(
     };
     let grown = |low: [i32; 3], high: [i32; 3]| {
         let by = [0, 1, 2].map(|k| if k < dimension { pad } else { 0 });
-        (
-            [0, 1, 2].map(|k| low[k] - by[k]),
-            [0, 1, 2].map(|k| high[k] + by[k]),
-        )
+        ([0, 1, 2].map(|k| low[k] - by[k]), [0, 1, 2].map(|k| high[k] + by[k]))
     };
 
     let mut hidden = vec![false; neighbors.bonds()];
-    by_runs(neighbors, &mut hidden)
-        .into_par_iter()
-        .enumerate()
-        .for_each(|(run, part)| {
-            let first = run * RUN;
-            let base = neighbors.offsets[first];
-            for i in first..(first + RUN).min(cloud.len()) {
-                let home = homes.cell[i];
-                let (low, high) = grown(
-                    [0, 1, 2].map(|k| home[k] - most[k]),
-                    [0, 1, 2].map(|k| home[k] + most[k]),
-                );
+    by_runs(neighbors, &mut hidden).into_par_iter().enumerate().for_each(|(run, part)| {
+        let first = run * RUN;
+        let base = neighbors.offsets[first];
+        for i in first..(first + RUN).min(cloud.len()) {
+            let home = homes.cell[i];
+            let (low, high) = grown([0, 1, 2].map(|k| home[k] - most[k]), [0, 1, 2].map(|k| home[k] + most[k]));
+            if grid.box_is_full(low, high) {
+                continue;
+            }
+            for bond in neighbors.bonds_of(i) {
+                let o = offset(i, bond);
+                // Balls of next cells overlap.
+                if o.iter().all(|c| c.abs() <= 1) {
+                    continue;
+                }
+                let (low, high) = grown([0, 1, 2].map(|k| home[k] + o[k].min(0)), [0, 1, 2].map(|k| home[k] + o[k].max(0)));
                 if grid.box_is_full(low, high) {
                     continue;
                 }
-                for bond in neighbors.bonds_of(i) {
-                    let o = offset(i, bond);
-                    // Balls of next cells overlap.
-                    if o.iter().all(|c| c.abs() <= 1) {
-                        continue;
-                    }
-                    let (low, high) = grown(
-                        [0, 1, 2].map(|k| home[k] + o[k].min(0)),
-                        [0, 1, 2].map(|k| home[k] + o[k].max(0)),
-                    );
-                    if grid.box_is_full(low, high) {
-                        continue;
-                    }
-                    // One direction for both: the balls are the same, and so is their rounding.
-                    let (start, o) = if o >= [0; 3] {
-                        (home, o)
-                    } else {
-                        ([0, 1, 2].map(|k| home[k] + o[k]), o.map(|c| -c))
-                    };
-                    let own;
-                    let balls = if tabulated {
-                        let at = [0, 1, 2].map(|k| (o[k] + most[k]) as usize);
-                        &table[(at[0] * sides[1] + at[1]) * sides[2] + at[2]]
-                    } else {
-                        own = stencil(o, reach, dimension);
-                        &own
-                    };
-                    let there = balls
-                        .iter()
-                        .filter(|(c, _, _)| grid.is_full([0, 1, 2].map(|k| start[k] + c[k])));
-                    part[bond - base] = leave_gap(there.map(|&(_, from, to)| (from, to)));
-                }
+                // One direction for both: the balls are the same, and so is their rounding.
+                let (start, o) = if o >= [0; 3] { (home, o) } else { ([0, 1, 2].map(|k| home[k] + o[k]), o.map(|c| -c)) };
+                let own;
+                let balls = if tabulated {
+                    let at = [0, 1, 2].map(|k| (o[k] + most[k]) as usize);
+                    &table[(at[0] * sides[1] + at[1]) * sides[2] + at[2]]
+                } else {
+                    own = stencil(o, reach, dimension);
+                    &own
+                };
+                let there = balls.iter().filter(|(c, _, _)| grid.is_full([0, 1, 2].map(|k| start[k] + c[k])));
+                part[bond - base] = leave_gap(there.map(|&(_, from, to)| (from, to)));
             }
-        });
+        }
+    });
     Some(hidden)
 }
 
 /// Length of the longest bond (length).
 fn longest(position: &[[f64; 3]], neighbors: &Neighbors) -> f64 {
     let of_point = |i: usize| {
-        let lengths = neighbors
-            .bonds_of(i)
-            .map(|b| squared_distance(&neighbors.end(position, i, b), &position[i]));
+        let lengths = neighbors.bonds_of(i).map(|b| squared_distance(&neighbors.end(position, i, b), &position[i]));
         lengths.fold(0.0, f64::max)
     };
     // A maximum is the same in any order.
-    (0..position.len())
-        .into_par_iter()
-        .with_min_len(RUN)
-        .map(of_point)
-        .reduce(|| 0.0, f64::max)
-        .sqrt()
+    (0..position.len()).into_par_iter().with_min_len(RUN).map(of_point).reduce(|| 0.0, f64::max).sqrt()
 }
 
 /// Largest component of the offsets of all bonds, by axis.
-fn largest_offset(
-    neighbors: &Neighbors,
-    offset: &(impl Fn(usize, usize) -> [i32; 3] + Sync),
-) -> [i32; 3] {
+fn largest_offset(neighbors: &Neighbors, offset: &(impl Fn(usize, usize) -> [i32; 3] + Sync)) -> [i32; 3] {
     let larger = |a: [i32; 3], b: [i32; 3]| [0, 1, 2].map(|k| a[k].max(b[k].abs()));
-    let of_point = |i: usize| {
-        neighbors
-            .bonds_of(i)
-            .fold([0; 3], |m, b| larger(m, offset(i, b)))
-    };
-    (0..neighbors.points())
-        .into_par_iter()
-        .with_min_len(RUN)
-        .map(of_point)
-        .reduce(|| [0; 3], larger)
+    let of_point = |i: usize| neighbors.bonds_of(i).fold([0; 3], |m, b| larger(m, offset(i, b)));
+    (0..neighbors.points()).into_par_iter().with_min_len(RUN).map(of_point).reduce(|| [0; 3], larger)
 }
 
 /// The test for any cloud.
@@ -460,12 +349,7 @@ fn anywhere(cloud: &PointCloud, neighbors: &Neighbors, reach: f64) -> Vec<bool> 
     let dimension = cloud.dimension;
     let widest = cloud.spacing.iter().fold(0.0, |a: f64, &b| a.max(b));
     let longest = longest(&cloud.position, neighbors);
-    let continued = Continued::new(
-        &cloud.position,
-        &cloud.spacing,
-        &neighbors.mirrors,
-        longest + 2.0 * reach * widest,
-    );
+    let continued = Continued::new(&cloud.position, &cloud.spacing, &neighbors.mirrors, longest + 2.0 * reach * widest);
     let position = &continued.position;
     let radius = |e: usize| reach * cloud.spacing[continued.owner[e] as usize];
     let mean = cloud.spacing.iter().sum::<f64>() / cloud.len() as f64;
@@ -473,74 +357,55 @@ fn anywhere(cloud: &PointCloud, neighbors: &Neighbors, reach: f64) -> Vec<bool> 
     let cells = CellList::new(position, dimension, (0.5 * longest).max(mean));
 
     let mut hidden = vec![false; neighbors.bonds()];
-    by_runs(neighbors, &mut hidden)
-        .into_par_iter()
-        .enumerate()
-        .for_each(|(run, part)| {
-            let first = run * RUN;
-            let base = neighbors.offsets[first];
-            let mut near: Vec<u32> = Vec::new();
-            let mut intervals: Vec<(f64, f64)> = Vec::new();
-            for i in first..(first + RUN).min(cloud.len()) {
-                let x = &cloud.position[i];
-                let ends = neighbors
-                    .bonds_of(i)
-                    .map(|b| neighbors.end(&cloud.position, i, b));
-                let (low, high) = ends.clone().fold((*x, *x), |(low, high), y| {
-                    (
-                        [0, 1, 2].map(|k| low[k].min(y[k])),
-                        [0, 1, 2].map(|k| high[k].max(y[k])),
-                    )
-                });
-                if covered
-                    .as_ref()
-                    .is_some_and(|c| c.box_is_covered(low, high))
-                {
+    by_runs(neighbors, &mut hidden).into_par_iter().enumerate().for_each(|(run, part)| {
+        let first = run * RUN;
+        let base = neighbors.offsets[first];
+        let mut near: Vec<u32> = Vec::new();
+        let mut intervals: Vec<(f64, f64)> = Vec::new();
+        for i in first..(first + RUN).min(cloud.len()) {
+            let x = &cloud.position[i];
+            let ends = neighbors.bonds_of(i).map(|b| neighbors.end(&cloud.position, i, b));
+            let (low, high) =
+                ends.clone().fold((*x, *x), |(low, high), y| ([0, 1, 2].map(|k| low[k].min(y[k])), [0, 1, 2].map(|k| high[k].max(y[k]))));
+            if covered.as_ref().is_some_and(|c| c.box_is_covered(low, high)) {
+                continue;
+            }
+            near.clear();
+            for (bond, y) in neighbors.bonds_of(i).zip(ends) {
+                let length = squared_distance(x, &y).sqrt();
+                let j = neighbors.index[bond] as usize;
+                if length <= reach * (cloud.spacing[i] + cloud.spacing[j]) {
                     continue;
                 }
-                near.clear();
-                for (bond, y) in neighbors.bonds_of(i).zip(ends) {
-                    let length = squared_distance(x, &y).sqrt();
-                    let j = neighbors.index[bond] as usize;
-                    if length <= reach * (cloud.spacing[i] + cloud.spacing[j]) {
-                        continue;
-                    }
-                    let (low, high) = (
-                        [0, 1, 2].map(|k| x[k].min(y[k])),
-                        [0, 1, 2].map(|k| x[k].max(y[k])),
-                    );
-                    if covered
-                        .as_ref()
-                        .is_some_and(|c| c.box_is_covered(low, high))
-                    {
-                        continue;
-                    }
-                    if near.is_empty() {
-                        cells.within(x, longest + reach * widest, |e, _| near.push(e));
-                    }
-                    // One direction for both, so that rounding is the same.
-                    let (a, b) = if *x <= y { (x, &y) } else { (&y, x) };
-                    let d = [0, 1, 2].map(|k| b[k] - a[k]);
-                    let square = d.iter().map(|c| c * c).sum::<f64>();
-                    intervals.clear();
-                    for &e in &near {
-                        let p = [0, 1, 2].map(|k| position[e as usize][k] - a[k]);
-                        let middle = (0..3).map(|k| p[k] * d[k]).sum::<f64>() / square;
-                        let off: f64 = (0..3).map(|k| (p[k] - middle * d[k]).powi(2)).sum();
-                        let left = radius(e as usize).powi(2) - off;
-                        if left > 0.0 {
-                            let half = (left / square).sqrt();
-                            if middle - half < 1.0 && middle + half > 0.0 {
-                                intervals.push((middle - half, middle + half));
-                            }
+                let (low, high) = ([0, 1, 2].map(|k| x[k].min(y[k])), [0, 1, 2].map(|k| x[k].max(y[k])));
+                if covered.as_ref().is_some_and(|c| c.box_is_covered(low, high)) {
+                    continue;
+                }
+                if near.is_empty() {
+                    cells.within(x, longest + reach * widest, |e, _| near.push(e));
+                }
+                // One direction for both, so that rounding is the same.
+                let (a, b) = if *x <= y { (x, &y) } else { (&y, x) };
+                let d = [0, 1, 2].map(|k| b[k] - a[k]);
+                let square = d.iter().map(|c| c * c).sum::<f64>();
+                intervals.clear();
+                for &e in &near {
+                    let p = [0, 1, 2].map(|k| position[e as usize][k] - a[k]);
+                    let middle = (0..3).map(|k| p[k] * d[k]).sum::<f64>() / square;
+                    let off: f64 = (0..3).map(|k| (p[k] - middle * d[k]).powi(2)).sum();
+                    let left = radius(e as usize).powi(2) - off;
+                    if left > 0.0 {
+                        let half = (left / square).sqrt();
+                        if middle - half < 1.0 && middle + half > 0.0 {
+                            intervals.push((middle - half, middle + half));
                         }
                     }
-                    intervals
-                        .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-                    part[bond - base] = leave_gap(intervals.iter().copied());
                 }
+                intervals.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+                part[bond - base] = leave_gap(intervals.iter().copied());
             }
-        });
+        }
+    });
     hidden
 }
 
@@ -556,12 +421,7 @@ struct Covered {
 }
 
 impl Covered {
-    fn new(
-        position: &[[f64; 3]],
-        dimension: usize,
-        size: f64,
-        radius: &impl Fn(usize) -> f64,
-    ) -> Option<Self> {
+    fn new(position: &[[f64; 3]], dimension: usize, size: f64, radius: &impl Fn(usize) -> f64) -> Option<Self> {
         let mut low = [0.0; 3];
         let mut last = [0i32; 3];
         for k in 0..dimension {
@@ -580,18 +440,11 @@ impl Covered {
             if within <= 0.0 {
                 continue;
             }
-            let at = [0, 1, 2].map(|k| {
-                if k < dimension {
-                    (x[k] - low[k]) / size - 0.5
-                } else {
-                    0.0
-                }
-            });
+            let at = [0, 1, 2].map(|k| if k < dimension { (x[k] - low[k]) / size - 0.5 } else { 0.0 });
             let by = within / size;
             let range = |k: usize| {
                 if k < dimension {
-                    (at[k] - by).ceil().max(0.0) as i32
-                        ..=(at[k] + by).floor().min(f64::from(last[k])) as i32
+                    (at[k] - by).ceil().max(0.0) as i32..=(at[k] + by).floor().min(f64::from(last[k])) as i32
                 } else {
                     0..=0
                 }
@@ -599,11 +452,7 @@ impl Covered {
             for a in range(0) {
                 for b in range(1) {
                     for c in range(2) {
-                        let off: f64 = [a, b, c]
-                            .iter()
-                            .zip(at)
-                            .map(|(&c, at)| (f64::from(c) - at).powi(2))
-                            .sum();
+                        let off: f64 = [a, b, c].iter().zip(at).map(|(&c, at)| (f64::from(c) - at).powi(2)).sum();
                         if off <= by * by {
                             grid.set([a, b, c]);
                         }
@@ -617,17 +466,12 @@ impl Covered {
 
     fn box_is_covered(&self, low: [f64; 3], high: [f64; 3]) -> bool {
         // A cell more than rounding can move a place into its neighbour.
-        let cell = |x: f64, k: usize, by: f64| {
-            ((x - self.low[k]) / self.size + by)
-                .floor()
-                .clamp(-1.0, f64::from(1 << 29)) as i32
-        };
+        let cell = |x: f64, k: usize, by: f64| ((x - self.low[k]) / self.size + by).floor().clamp(-1.0, f64::from(1 << 29)) as i32;
         let last = |k: usize| self.grid.count[k] as i32 - 1;
         let from = [0, 1, 2].map(|k| cell(low[k], k, -1e-6).max(0));
         let to = [0, 1, 2].map(|k| cell(high[k], k, 1e-6).min(last(k)));
         // Ends are points of the body, so what rounding puts outside is at its edge; images beyond the grid are not covered.
-        let inside =
-            (0..3).all(|k| cell(low[k], k, 1e-6) >= 0 && cell(high[k], k, -1e-6) <= last(k));
+        let inside = (0..3).all(|k| cell(low[k], k, 1e-6) >= 0 && cell(high[k], k, -1e-6) <= last(k));
         inside && self.grid.box_is_full(from, to)
     }
 }
@@ -639,12 +483,7 @@ mod tests {
     use crate::neighbors::{Mirror, neighbors, neighbors_with_mirrors};
 
     fn families(cloud: &PointCloud, ratio: f64) -> Neighbors {
-        neighbors(
-            &cloud.position,
-            cloud.dimension,
-            &cloud.spacing.iter().map(|h| ratio * h).collect::<Vec<_>>(),
-        )
-        .unwrap()
+        neighbors(&cloud.position, cloud.dimension, &cloud.spacing.iter().map(|h| ratio * h).collect::<Vec<_>>()).unwrap()
     }
 
     fn count(hidden: &[bool]) -> usize {
@@ -657,28 +496,14 @@ mod tests {
 
     fn shapes(size: f64) -> [Shape; 3] {
         [
-            Shape::Line {
-                from: 0.0,
-                to: size,
-            },
-            Shape::Rectangle {
-                from: [0.0; 2],
-                to: [size; 2],
-            },
-            Shape::Box {
-                from: [0.0; 3],
-                to: [size; 3],
-            },
+            Shape::Line { from: 0.0, to: size },
+            Shape::Rectangle { from: [0.0; 2], to: [size; 2] },
+            Shape::Box { from: [0.0; 3], to: [size; 3] },
         ]
     }
 
     fn jittered(shape: &Shape, h: f64, amplitude: f64, seed: u64) -> PointCloud {
-        shape
-            .fill(&Filling {
-                jitter: Some(Jitter { amplitude, seed }),
-                ..Filling::of_spacing(h)
-            })
-            .unwrap()
+        shape.fill(&Filling { jitter: Some(Jitter { amplitude, seed }), ..Filling::of_spacing(h) }).unwrap()
     }
 
     #[test]
@@ -689,15 +514,8 @@ mod tests {
                     let cloud = jittered(&shape, 1.0, amplitude, 21);
                     assert_eq!(hidden(&cloud, ratio), 0, "{shape:?} {amplitude} {ratio}");
                     // The same from a file: the lattice has to be found.
-                    let unknown = PointCloud {
-                        lattice: None,
-                        ..cloud
-                    };
-                    assert_eq!(
-                        hidden(&unknown, ratio),
-                        0,
-                        "{shape:?} {amplitude} {ratio}, lattice unknown"
-                    );
+                    let unknown = PointCloud { lattice: None, ..cloud };
+                    assert_eq!(hidden(&unknown, ratio), 0, "{shape:?} {amplitude} {ratio}, lattice unknown");
                 }
             }
         }
@@ -706,11 +524,7 @@ mod tests {
     /// The cloud with spacings that differ by a hair, so that it is no lattice.
     fn irregular(mut cloud: PointCloud) -> PointCloud {
         cloud.lattice = None;
-        cloud
-            .spacing
-            .iter_mut()
-            .enumerate()
-            .for_each(|(i, h)| *h *= 1.0 + 1e-3 * uniform(17, i as u64));
+        cloud.spacing.iter_mut().enumerate().for_each(|(i, h)| *h *= 1.0 + 1e-3 * uniform(17, i as u64));
         cloud
     }
 
@@ -723,15 +537,7 @@ mod tests {
             assert_eq!(hidden(&cloud, 3.015), 0, "{shape:?}");
         }
         // Graded: spacing from 1 to 2 along x.
-        let mut graded = jittered(
-            &Shape::Rectangle {
-                from: [0.0; 2],
-                to: [20.0; 2],
-            },
-            1.0,
-            0.0,
-            0,
-        );
+        let mut graded = jittered(&Shape::Rectangle { from: [0.0; 2], to: [20.0; 2] }, 1.0, 0.0, 0);
         for (x, h) in graded.position.iter_mut().zip(&mut graded.spacing) {
             *h = 1.0 + x[0] / 20.0;
             x[0] += x[0] * x[0] / 40.0;
@@ -742,30 +548,15 @@ mod tests {
 
     #[test]
     fn nothing_is_cut_along_straight_surfaces_of_any_slope() {
-        for (dimension, ratio, size, trials) in [
-            (2usize, 8.0, 40.0, 60u64),
-            (3, 3.015, 16.0, 20),
-            (3, 6.0, 16.0, 6),
-        ] {
-            let full = shapes(size)[dimension - 1]
-                .fill(&Filling::of_spacing(1.0))
-                .unwrap();
+        for (dimension, ratio, size, trials) in [(2usize, 8.0, 40.0, 60u64), (3, 3.015, 16.0, 20), (3, 6.0, 16.0, 6)] {
+            let full = shapes(size)[dimension - 1].fill(&Filling::of_spacing(1.0)).unwrap();
             for trial in 0..trials {
                 // Half the trials nearly along the lattice, where surfaces graze rows.
                 let small = if trial % 2 == 0 { 0.3 } else { 1.0 };
-                let normal = [
-                    1.0,
-                    small * (2.0 * uniform(1, 2 * trial) - 1.0),
-                    small * (2.0 * uniform(1, 2 * trial + 1) - 1.0),
-                ];
+                let normal = [1.0, small * (2.0 * uniform(1, 2 * trial) - 1.0), small * (2.0 * uniform(1, 2 * trial + 1) - 1.0)];
                 let at = 0.5 * size + uniform(2, trial);
                 let mut cloud = full.clone();
-                cloud.keep(|x| {
-                    (0..dimension)
-                        .map(|k| normal[k] * (x[k] - if k == 0 { at } else { 0.5 * size }))
-                        .sum::<f64>()
-                        <= 0.0
-                });
+                cloud.keep(|x| (0..dimension).map(|k| normal[k] * (x[k] - if k == 0 { at } else { 0.5 * size })).sum::<f64>() <= 0.0);
                 assert_eq!(hidden(&cloud, ratio), 0, "{normal:?} {at}");
             }
         }
@@ -775,31 +566,9 @@ mod tests {
     fn nothing_is_cut_in_round_bodies() {
         for radius in [3.0, 5.5, 10.0] {
             for (shape, ratio) in [
-                (
-                    Shape::Disc {
-                        centre: [0.0; 2],
-                        radius,
-                        inner_radius: 0.0,
-                    },
-                    6.0,
-                ),
-                (
-                    Shape::Sphere {
-                        centre: [0.0; 3],
-                        radius,
-                        inner_radius: 0.0,
-                    },
-                    3.015,
-                ),
-                (
-                    Shape::Cylinder {
-                        from: [0.0; 3],
-                        to: [4.0, 8.0, 8.0],
-                        radius,
-                        inner_radius: 0.0,
-                    },
-                    3.015,
-                ),
+                (Shape::Disc { centre: [0.0; 2], radius, inner_radius: 0.0 }, 6.0),
+                (Shape::Sphere { centre: [0.0; 3], radius, inner_radius: 0.0 }, 3.015),
+                (Shape::Cylinder { from: [0.0; 3], to: [4.0, 8.0, 8.0], radius, inner_radius: 0.0 }, 3.015),
             ] {
                 let cloud = shape.fill(&Filling::of_spacing(1.0)).unwrap();
                 assert_eq!(hidden(&cloud, ratio), 0, "{shape:?}");
@@ -814,37 +583,19 @@ mod tests {
             for shape in shapes(13.0 * unit) {
                 let shape = match shape {
                     Shape::Line { .. } => shape,
-                    Shape::Rectangle { .. } => Shape::Rectangle {
-                        from: [0.0; 2],
-                        to: [13.0 * unit, 9.0 * unit],
-                    },
-                    _ => Shape::Box {
-                        from: [0.0; 3],
-                        to: [13.0 * unit, 9.0 * unit, 9.0 * unit],
-                    },
+                    Shape::Rectangle { .. } => Shape::Rectangle { from: [0.0; 2], to: [13.0 * unit, 9.0 * unit] },
+                    _ => Shape::Box { from: [0.0; 3], to: [13.0 * unit, 9.0 * unit, 9.0 * unit] },
                 };
                 for amplitude in [0.0, 0.4] {
                     let full = shape.fill(&Filling::of_spacing(unit)).unwrap();
                     let mut cloud = jittered(&shape, unit, amplitude, 5);
                     // Remove the middle layer by its lattice place.
-                    let layer: Vec<bool> = full
-                        .position
-                        .iter()
-                        .map(|x| (x[0] / unit - 6.5).abs() < 0.1)
-                        .collect();
+                    let layer: Vec<bool> = full.position.iter().map(|x| (x[0] / unit - 6.5).abs() < 0.1).collect();
                     let mut at = layer.iter();
-                    let kept: Vec<[f64; 3]> = cloud
-                        .position
-                        .iter()
-                        .filter(|_| !at.next().unwrap())
-                        .copied()
-                        .collect();
+                    let kept: Vec<[f64; 3]> = cloud.position.iter().filter(|_| !at.next().unwrap()).copied().collect();
                     cloud.keep(|x| kept.contains(&x));
                     for lattice in [cloud.lattice, None] {
-                        let cloud = PointCloud {
-                            lattice,
-                            ..cloud.clone()
-                        };
+                        let cloud = PointCloud { lattice, ..cloud.clone() };
                         let found = families(&cloud, 3.015);
                         let cut = across_voids(&cloud, &found, None).unwrap();
                         let mut crossing = 0;
@@ -910,10 +661,8 @@ mod tests {
                 for b in found.bonds_of(i) {
                     let (x, y) = (plate.position[i], plate.position[found.index[b] as usize]);
                     // The nearest approach of the segment to the centre.
-                    let t = (0..2).map(|k| (12.0 - x[k]) * (y[k] - x[k])).sum::<f64>()
-                        / squared_distance(&x, &y);
-                    let nearest =
-                        distance([0, 1, 2].map(|k| x[k] + t.clamp(0.0, 1.0) * (y[k] - x[k])));
+                    let t = (0..2).map(|k| (12.0 - x[k]) * (y[k] - x[k])).sum::<f64>() / squared_distance(&x, &y);
+                    let nearest = distance([0, 1, 2].map(|k| x[k] + t.clamp(0.0, 1.0) * (y[k] - x[k])));
                     // Deep in the hole all points are at least 3.6 − r away; outside it none is farther than √½ from where
                     // points can be, however the edge runs.
                     if nearest < 3.6 - reach * 1.002 {
@@ -953,23 +702,17 @@ mod tests {
             }
             let found = families(&cloud, ratio);
             let cut = across_voids(&cloud, &found, None).unwrap();
-            assert!(
-                count(&cut) > if lattice { 10_000 } else { 100 },
-                "{}",
-                count(&cut)
-            );
+            assert!(count(&cut) > if lattice { 10_000 } else { 100 }, "{}", count(&cut));
             let mut looked = 0;
             for i in (0..cloud.len()).step_by(23) {
-                let near: Vec<usize> = (0..cloud.len())
-                    .filter(|&j| squared_distance(&cloud.position[i], &cloud.position[j]) < 36.0)
-                    .collect();
+                let near: Vec<usize> =
+                    (0..cloud.len()).filter(|&j| squared_distance(&cloud.position[i], &cloud.position[j]) < 36.0).collect();
                 for b in found.bonds_of(i) {
                     let (x, y) = (cloud.position[i], cloud.position[found.index[b] as usize]);
                     let slackest = (0..=400).map(|s| {
                         let p = [0, 1, 2].map(|k| x[k] + (y[k] - x[k]) * f64::from(s) / 400.0);
                         let to = |j: usize| {
-                            squared_distance(&p, &cloud.position[j]).sqrt()
-                                - reach * if lattice { 1.0 } else { cloud.spacing[j] }
+                            squared_distance(&p, &cloud.position[j]).sqrt() - reach * if lattice { 1.0 } else { cloud.spacing[j] }
                         };
                         near.iter().map(|&j| to(j)).fold(f64::INFINITY, f64::min)
                     });
@@ -992,13 +735,8 @@ mod tests {
         for cloud in [cloud.clone(), irregular(cloud)] {
             let horizon = vec![5.0; cloud.len()];
             let found = neighbors(&cloud.position, 3, &horizon).unwrap();
-            let with = |t| {
-                rayon::ThreadPoolBuilder::new()
-                    .num_threads(t)
-                    .build()
-                    .unwrap()
-                    .install(|| across_voids(&cloud, &found, None).unwrap())
-            };
+            let with =
+                |t| rayon::ThreadPoolBuilder::new().num_threads(t).build().unwrap().install(|| across_voids(&cloud, &found, None).unwrap());
             let cut = with(1);
             assert_eq!(cut, with(3));
             assert!(count(&cut) > 100);
@@ -1017,12 +755,7 @@ mod tests {
         for at_hole in [false, true] {
             for irregularly in [false, true] {
                 let make = |from: f64| {
-                    let mut cloud = Shape::Rectangle {
-                        from: [from, 0.0],
-                        to: [12.0, 12.0],
-                    }
-                    .fill(&Filling::of_spacing(1.0))
-                    .unwrap();
+                    let mut cloud = Shape::Rectangle { from: [from, 0.0], to: [12.0, 12.0] }.fill(&Filling::of_spacing(1.0)).unwrap();
                     if at_hole {
                         cloud.remove(|x| x[0].abs() + (x[1] - 6.0).abs() < 3.2);
                     }
@@ -1035,14 +768,7 @@ mod tests {
                 }
                 let ratio = 4.5;
                 let mirrors = [Mirror { axis: 0, at: 0.0 }];
-                let folded = neighbors_with_mirrors(
-                    &half.position,
-                    2,
-                    &half.spacing,
-                    &vec![ratio; half.len()],
-                    &mirrors,
-                )
-                .unwrap();
+                let folded = neighbors_with_mirrors(&half.position, 2, &half.spacing, &vec![ratio; half.len()], &mirrors).unwrap();
                 let plain = neighbors(&whole.position, 2, &vec![ratio; whole.len()]).unwrap();
                 let kept = plain.without(&across_voids(&whole, &plain, None).unwrap());
                 let kept_half = folded.without(&across_voids(&half, &folded, None).unwrap());
@@ -1050,15 +776,8 @@ mod tests {
                 for (k, x) in half.position.iter().enumerate() {
                     let i = whole.position.iter().position(|y| y == x).unwrap();
                     let place = |y: [f64; 3]| [0, 1].map(|k| (2.0 * y[k]).round() as i64);
-                    let mut a: Vec<_> = kept
-                        .of(i)
-                        .iter()
-                        .map(|&j| place(whole.position[j as usize]))
-                        .collect();
-                    let mut b: Vec<_> = kept_half
-                        .bonds_of(k)
-                        .map(|b| place(kept_half.end(&half.position, k, b)))
-                        .collect();
+                    let mut a: Vec<_> = kept.of(i).iter().map(|&j| place(whole.position[j as usize])).collect();
+                    let mut b: Vec<_> = kept_half.bonds_of(k).map(|b| place(kept_half.end(&half.position, k, b))).collect();
                     a.sort_unstable();
                     b.sort_unstable();
                     assert_eq!(a, b, "{at_hole} {irregularly} {x:?}");
@@ -1071,28 +790,9 @@ mod tests {
     fn faults_are_told() {
         let cloud = shapes(4.0)[1].fill(&Filling::of_spacing(1.0)).unwrap();
         let found = families(&cloud, 2.0);
-        assert!(matches!(
-            across_voids(&cloud, &found, Some(0.7)),
-            Err(VisibilityError::Reach { .. })
-        ));
-        assert!(matches!(
-            across_voids(&cloud, &Neighbors::default(), None),
-            Err(VisibilityError::Lengths {
-                points: 16,
-                families: 0
-            })
-        ));
-        assert_eq!(
-            across_voids(
-                &PointCloud {
-                    dimension: 2,
-                    ..PointCloud::default()
-                },
-                &Neighbors::default(),
-                None
-            ),
-            Ok(vec![])
-        );
+        assert!(matches!(across_voids(&cloud, &found, Some(0.7)), Err(VisibilityError::Reach { .. })));
+        assert!(matches!(across_voids(&cloud, &Neighbors::default(), None), Err(VisibilityError::Lengths { points: 16, families: 0 })));
+        assert_eq!(across_voids(&PointCloud { dimension: 2, ..PointCloud::default() }, &Neighbors::default(), None), Ok(vec![]));
     }
 
     #[test]
@@ -1106,11 +806,7 @@ mod tests {
             let cut = across_voids(&cloud, &found, None).unwrap();
             let seconds = start.elapsed().as_secs_f64();
             assert!(seconds < 20.0, "{seconds} s");
-            assert!(
-                count(&cut) > 100_000 || cloud.lattice.is_none(),
-                "{}",
-                count(&cut)
-            );
+            assert!(count(&cut) > 100_000 || cloud.lattice.is_none(), "{}", count(&cut));
         }
     }
 }

@@ -246,7 +246,8 @@ fn number(x: f64) -> String {
 
 fn line(quantity: &str, computed: f64, reference: f64, tolerance: f64, passed: bool, problem: Option<&str>) {
     let verdict = if passed { "ok" } else { "FAILED" };
-    let shown: String = if quantity.chars().count() > 43 { quantity.chars().take(42).chain("…".chars()).collect() } else { quantity.into() };
+    let shown: String =
+        if quantity.chars().count() > 43 { quantity.chars().take(42).chain("…".chars()).collect() } else { quantity.into() };
     println!("{shown:<44}{:>20}{:>20} ±{:<9.1e}{verdict}", format!("{computed:.10e}"), format!("{reference:.10e}"), tolerance);
     if let Some(p) = problem {
         println!("    {p}");
@@ -269,7 +270,12 @@ fn check_deck(path: &Path, set: &[(String, String)], name: Option<&str>) -> u8 {
     println!("  {:<40}{:>20}", "directed bonds", bonds);
     println!("  {:<40}{:>20.2}", "neighbours per point", bonds as f64 / problem.cloud.len() as f64);
     println!("  {:<40}{:>20}", "chunks", chunks);
-    println!("  {:<40}{:>20.1} MB ({:.1} bytes per directed bond)", "memory of the body", memory as f64 / 1e6, memory as f64 / bonds.max(1) as f64);
+    println!(
+        "  {:<40}{:>20.1} MB ({:.1} bytes per directed bond)",
+        "memory of the body",
+        memory as f64 / 1e6,
+        memory as f64 / bonds.max(1) as f64
+    );
     for (name, points) in &problem.sets {
         println!("  {:<40}{:>20} points", format!("set {name}"), points.len());
     }

@@ -82,7 +82,11 @@ impl Problem {
         let found = match neighbors_with_mirrors(&cloud.position, cloud.dimension, &cloud.spacing, &horizon, &mirrors) {
             Ok(found) => found,
             Err(e) => {
-                issues.push(Issue::new(mirror_span, e.to_string(), "move the symmetry plane to the face of the body, half a spacing from its outer points"));
+                issues.push(Issue::new(
+                    mirror_span,
+                    e.to_string(),
+                    "move the symmetry plane to the face of the body, half a spacing from its outer points",
+                ));
                 return Err(issues);
             }
         };
@@ -109,7 +113,11 @@ impl Problem {
             ));
         }
         let cracks = cracks(deck, &mut issues);
-        if issues.is_empty() { Ok((section, Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks })) } else { Err(issues) }
+        if issues.is_empty() {
+            Ok((section, Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks }))
+        } else {
+            Err(issues)
+        }
     }
 
     /// Points of a set.
@@ -228,7 +236,9 @@ fn generated(source: &Points, section: Section) -> Result<PointCloud, Issue> {
         Points::Cylinder(s) => {
             generate::Shape::Cylinder { from: a3(&s.from), to: a3(&s.to), radius: s.radius.value, inner_radius: inner(&s.inner_radius) }
         }
-        Points::Sphere(s) => generate::Shape::Sphere { centre: a3(&s.center), radius: s.radius.value, inner_radius: inner(&s.inner_radius) },
+        Points::Sphere(s) => {
+            generate::Shape::Sphere { centre: a3(&s.center), radius: s.radius.value, inner_radius: inner(&s.inner_radius) }
+        }
         Points::File(_) => unreachable!("files are read elsewhere"),
     };
     let mut filling = Filling::of_spacing(lattice.spacing.value);
@@ -301,7 +311,11 @@ fn sets(deck: &Deck, cloud: &PointCloud, issues: &mut Vec<Issue>) -> BTreeMap<St
     }
     for (name, _) in deck.sets.iter() {
         if known.get(&name.value).is_some_and(Vec::is_empty) {
-            issues.push(Issue::new(name.span, format!("the set `{}` has no points", name.value), "check its rule against the extent of the body"));
+            issues.push(Issue::new(
+                name.span,
+                format!("the set `{}` has no points", name.value),
+                "check its rule against the extent of the body",
+            ));
         }
     }
     known
@@ -391,7 +405,9 @@ fn ids_of(cloud: &PointCloud, ids: impl Iterator<Item = (u64, Span)>, issues: &m
     for (id, span) in ids {
         match place.get(&id) {
             Some(&p) => inside[p] = true,
-            None => issues.push(Issue::new(span, format!("there is no point with id {id}"), "ids are those of the point file, or count from 0")),
+            None => {
+                issues.push(Issue::new(span, format!("there is no point with id {id}"), "ids are those of the point file, or count from 0"))
+            }
         }
     }
     inside
@@ -423,7 +439,11 @@ fn materials(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>,
     let mut material = vec![NONE; cloud.len()];
     for (m, (name, typed)) in deck.materials.iter().enumerate() {
         let Some(points) = sets.get(&typed.points.value) else {
-            issues.push(Issue::new(typed.points.span, format!("there is no set `{}`", typed.points.value), "define it under `sets:`, or use a block"));
+            issues.push(Issue::new(
+                typed.points.span,
+                format!("there is no set `{}`", typed.points.value),
+                "define it under `sets:`, or use a block",
+            ));
             continue;
         };
         if let Some(&p) = points.iter().find(|&&p| material[p as usize] != NONE) {
@@ -467,13 +487,25 @@ fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>
             continue;
         }
         match c {
-            Condition::Velocity(v) if statics => issues.push(Issue::new(v.span, "a velocity cannot be prescribed in statics", "prescribe a displacement")),
-            Condition::InitialVelocity(v) if statics => issues.push(Issue::new(v.span, "statics have no initial velocity", "remove it, or use `velocity_verlet`")),
+            Condition::Velocity(v) if statics => {
+                issues.push(Issue::new(v.span, "a velocity cannot be prescribed in statics", "prescribe a displacement"))
+            }
+            Condition::InitialVelocity(v) if statics => {
+                issues.push(Issue::new(v.span, "statics have no initial velocity", "remove it, or use `velocity_verlet`"))
+            }
             Condition::Symmetry(s) if s.normal.value.index() >= cloud.dimension => {
-                issues.push(Issue::new(s.span, "the symmetry plane is normal to a direction the body does not have", "choose another `normal`"));
+                issues.push(Issue::new(
+                    s.span,
+                    "the symmetry plane is normal to a direction the body does not have",
+                    "choose another `normal`",
+                ));
             }
             Condition::RigidWall(w) if w.normal.len() != cloud.dimension => {
-                issues.push(Issue::new(w.span, format!("the wall is given in {} dimensions, the body has {}", w.normal.len(), cloud.dimension), "give as many components as the body has dimensions"));
+                issues.push(Issue::new(
+                    w.span,
+                    format!("the wall is given in {} dimensions, the body has {}", w.normal.len(), cloud.dimension),
+                    "give as many components as the body has dimensions",
+                ));
             }
             _ => {}
         }
@@ -498,7 +530,12 @@ fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>
                             let axis = ["x", "y", "z"][k];
                             issues.push(Issue::new(
                                 components[k].unwrap_or(c.span()),
-                                format!("component {axis} of point {} is prescribed by `{}` and, differently, by `{}`", cloud.id[p as usize], other.label(), c.label()),
+                                format!(
+                                    "component {axis} of point {} is prescribed by `{}` and, differently, by `{}`",
+                                    cloud.id[p as usize],
+                                    other.label(),
+                                    c.label()
+                                ),
                                 "make the sets disjoint, or the values equal",
                             ));
                         }
@@ -541,7 +578,9 @@ fn cracks(deck: &Deck, issues: &mut Vec<Issue>) -> Option<Cracks> {
         .map(|c| match c {
             deck::Crack::Segment(c) => (Crack::Segment { from: a2(&c.from), to: a2(&c.to) }, c.span),
             deck::Crack::Rectangle(c) => (Crack::Parallelogram { corner: a3(&c.corner), edges: c.edges.each_ref().map(a3) }, c.span),
-            deck::Crack::Disc(c) => (Crack::Disc { centre: a3(&c.center), normal: c.normal.each_ref().map(|q| q.value), radius: c.radius.value }, c.span),
+            deck::Crack::Disc(c) => {
+                (Crack::Disc { centre: a3(&c.center), normal: c.normal.each_ref().map(|q| q.value), radius: c.radius.value }, c.span)
+            }
             deck::Crack::Point(c) => (Crack::Point { at: c.at.value }, c.span),
         })
         .collect();

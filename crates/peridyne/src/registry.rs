@@ -1,6 +1,9 @@
 //! From names to types: the only place that matches on models, laws, controls and dimension.
 
-use crate::deck::{self, BondLaw, Calibration, Condition, Control, Criterion as CriterionName, DeckErrors, Influence as InfluenceName, Issue, Law as LawName};
+use crate::deck::{
+    self, BondLaw, Calibration, Condition, Control, Criterion as CriterionName, DeckErrors, Influence as InfluenceName, Issue,
+    Law as LawName,
+};
 use crate::deck::{Model, Orientation, SpaceField, ThermalExpansion};
 use crate::problem::Problem;
 use bodies::body::{Body, Geometry};
@@ -74,7 +77,11 @@ fn build<const D: usize>(problem: &Problem) -> Checked<Assembly> {
         let p = singular[0];
         let issue = Issue::new(
             deck.body.horizon.span,
-            format!("{} families are singular: too few bonds, or all in a line or plane; the first is that of point {}", singular.len(), cloud.id[p]),
+            format!(
+                "{} families are singular: too few bonds, or all in a line or plane; the first is that of point {}",
+                singular.len(),
+                cloud.id[p]
+            ),
             "enlarge the horizon, or give the thin part more points across",
         );
         return Err(vec![issue]);
@@ -105,9 +112,8 @@ fn build<const D: usize>(problem: &Problem) -> Checked<Assembly> {
         let field = t.field.clone();
         Temperature { field: Box::new(move |x, time| field.eval(x, time)) as Field, reference: t.reference.value }
     });
-    let density = (0..n)
-        .map(|p| materials[problem.material[p] as usize].density.as_ref().map_or(1.0, |d| d.eval(cloud.position[p], 0.0)))
-        .collect();
+    let density =
+        (0..n).map(|p| materials[problem.material[p] as usize].density.as_ref().map_or(1.0, |d| d.eval(cloud.position[p], 0.0))).collect();
     let parts = Parts { id: cloud.id.clone(), user: problem.user.clone(), material: problem.material.clone(), density };
     let structure = Structure::new(body, parts, conditions, temperature, failure, problem.end().unwrap_or(0.0));
     Ok(Assembly { model: Box::new(structure), derived, warnings })
@@ -180,11 +186,17 @@ fn part<const D: usize>(site: &Site<D>) -> Checked<Box<dyn Part<D>>> {
         }
         Model::LinearPeridynamicSolid(l) => {
             if D == 1 {
-                return Err(vec![Issue::new(l.span, "the linear peridynamic solid has no one-dimensional form", "use `bond_based` for a bar")]);
+                return Err(vec![Issue::new(
+                    l.span,
+                    "the linear peridynamic solid has no one-dimensional form",
+                    "use `bond_based` for a bar",
+                )]);
             }
             let e = &l.elasticity;
-            let source = IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: l.span };
-            let constants = site.constants(source.is_constant(), |x| Ok(LinearPeridynamicSolidConstants::new(source.at(x, section)?, section)))?;
+            let source =
+                IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: l.span };
+            let constants =
+                site.constants(source.is_constant(), |x| Ok(LinearPeridynamicSolidConstants::new(source.at(x, section)?, section)))?;
             Ok(if stored {
                 site.assign(LinearPeridynamicSolid { omega: Stored }, constants)
             } else {
@@ -193,19 +205,35 @@ fn part<const D: usize>(site: &Site<D>) -> Checked<Box<dyn Part<D>>> {
         }
         Model::Correspondence(c) => {
             let hyperelastic = |constants: Constants<HyperelasticConstants<D>>| -> Box<dyn Part<D>> {
-                if stored { controlled(site, Hyperelastic, constants, &c.control, Stored) } else { controlled(site, Hyperelastic, constants, &c.control, One) }
+                if stored {
+                    controlled(site, Hyperelastic, constants, &c.control, Stored)
+                } else {
+                    controlled(site, Hyperelastic, constants, &c.control, One)
+                }
             };
             Ok(match &c.law {
-                LawName::LinearElastic(e) => {
-                    hyperelastic(site.constants(is_constant(e), |x| Ok(HyperelasticConstants::LinearElastic(stiffness_at::<D>(e, x, section)?)))?)
-                }
+                LawName::LinearElastic(e) => hyperelastic(
+                    site.constants(is_constant(e), |x| Ok(HyperelasticConstants::LinearElastic(stiffness_at::<D>(e, x, section)?)))?,
+                ),
                 LawName::SaintVenantKirchhoff(e) => {
-                    hyperelastic(site.constants(is_constant(e), |x| Ok(HyperelasticConstants::SaintVenantKirchhoff(stiffness_at::<D>(e, x, section)?)))?)
+                    hyperelastic(site.constants(is_constant(e), |x| {
+                        Ok(HyperelasticConstants::SaintVenantKirchhoff(stiffness_at::<D>(e, x, section)?))
+                    })?)
                 }
                 LawName::NeoHookean(e) => {
-                    let source = IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span };
+                    let source = IsotropicSource {
+                        e: &e.youngs_modulus,
+                        nu: &e.poisson_ratio,
+                        k: &e.bulk_modulus,
+                        g: &e.shear_modulus,
+                        span: e.span,
+                    };
                     hyperelastic(site.constants(source.is_constant(), |x| {
-                        Ok(HyperelasticConstants::NeoHookean(NeoHookeanConstants { elastic: source.at(x, section)?, expansion: 0.0, section }))
+                        Ok(HyperelasticConstants::NeoHookean(NeoHookeanConstants {
+                            elastic: source.at(x, section)?,
+                            expansion: 0.0,
+                            section,
+                        }))
                     })?)
                 }
                 LawName::KelvinVoigt(k) => {
@@ -218,9 +246,19 @@ fn part<const D: usize>(site: &Site<D>) -> Checked<Box<dyn Part<D>>> {
                 }
                 LawName::Almansi(e) => {
                     if let Some(t) = &site.problem.deck.temperature {
-                        return Err(vec![Issue::new(t.span, "the law `almansi` knows no temperature", "use another law, or remove `temperature`")]);
+                        return Err(vec![Issue::new(
+                            t.span,
+                            "the law `almansi` knows no temperature",
+                            "use another law, or remove `temperature`",
+                        )]);
                     }
-                    let source = IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span };
+                    let source = IsotropicSource {
+                        e: &e.youngs_modulus,
+                        nu: &e.poisson_ratio,
+                        k: &e.bulk_modulus,
+                        g: &e.shear_modulus,
+                        span: e.span,
+                    };
                     let constants = site.constants(source.is_constant(), |x| Ok((source.at(x, section)?, section)))?;
                     controlled(site, FromCauchy(constitutive::Almansi), constants, &c.control, Stored)
                 }
@@ -270,7 +308,8 @@ struct IsotropicSource<'a> {
 
 impl IsotropicSource<'_> {
     fn is_constant(&self) -> bool {
-        [self.e, self.k, self.g].into_iter().flatten().all(|f| f.constant().is_some()) && self.nu.as_ref().is_none_or(|f| f.constant().is_some())
+        [self.e, self.k, self.g].into_iter().flatten().all(|f| f.constant().is_some())
+            && self.nu.as_ref().is_none_or(|f| f.constant().is_some())
     }
     fn at(&self, x: [f64; 3], section: Section) -> Result<Isotropic, Issue> {
         let v = |f: &Option<SpaceField<deck::Pressure>>| f.as_ref().map(|f| f.eval(x, 0.0));
@@ -320,7 +359,13 @@ fn is_constant(e: &deck::Elasticity) -> bool {
 
 /// The stiffness of the section at a place: constants, orientation and thermal expansion.
 fn stiffness_at<const D: usize>(e: &deck::Elasticity, x: [f64; 3], section: Section) -> Result<Stiffness<D>, Issue> {
-    let unstable = || Issue::new(e.span, "the elastic constants are not those of a stable material", "the stiffness must be positive definite: check the Poisson's ratios");
+    let unstable = || {
+        Issue::new(
+            e.span,
+            "the elastic constants are not those of a stable material",
+            "the stiffness must be positive definite: check the Poisson's ratios",
+        )
+    };
     let mut c = if let Some(o) = &e.orthotropic {
         let v = |f: &SpaceField<deck::Pressure>| f.eval(x, 0.0);
         let nu = |f: &SpaceField<deck::Number>| f.eval(x, 0.0);
@@ -333,9 +378,15 @@ fn stiffness_at<const D: usize>(e: &deck::Elasticity, x: [f64; 3], section: Sect
     } else if let Some(o) = &e.transversely_isotropic {
         let v = |f: &SpaceField<deck::Pressure>| f.eval(x, 0.0);
         let nu = |f: &SpaceField<deck::Number>| f.eval(x, 0.0);
-        elasticity::Orthotropic::transverse(v(&o.e_parallel), v(&o.e_transverse), nu(&o.nu_parallel), nu(&o.nu_transverse), v(&o.g_parallel))
-            .voigt()
-            .ok_or_else(unstable)?
+        elasticity::Orthotropic::transverse(
+            v(&o.e_parallel),
+            v(&o.e_transverse),
+            nu(&o.nu_parallel),
+            nu(&o.nu_transverse),
+            v(&o.g_parallel),
+        )
+        .voigt()
+        .ok_or_else(unstable)?
     } else if let Some(a) = &e.anisotropic {
         let mut c = [[0.0; 6]; 6];
         let mut upper = a.voigt.0.iter();
@@ -358,7 +409,8 @@ fn stiffness_at<const D: usize>(e: &deck::Elasticity, x: [f64; 3], section: Sect
         None => {}
     }
     if let Some(orientation) = &e.orientation {
-        let axes = material_axes(orientation, x).ok_or_else(|| Issue::new(e.span, "the two axes of the orientation are parallel", "give two different directions"))?;
+        let axes = material_axes(orientation, x)
+            .ok_or_else(|| Issue::new(e.span, "the two axes of the orientation are parallel", "give two different directions"))?;
         c = elasticity::rotate(&c, &axes);
         expansion = rotate_strain(&expansion, &axes);
     }
@@ -419,7 +471,11 @@ fn stores_influence(problem: &Problem, m: &deck::Material) -> bool {
         Model::Correspondence(c) => matches!(c.law, LawName::KelvinVoigt(_) | LawName::Almansi(_)),
         Model::LinearPeridynamicSolid(_) => false,
     };
-    always || problem.section.dimension() == 1 || corrected || !matches!(influence, InfluenceName::Constant) || matches!(problem.deck.body.partial_volumes, deck::PartialVolumes::Linear)
+    always
+        || problem.section.dimension() == 1
+        || corrected
+        || !matches!(influence, InfluenceName::Constant)
+        || matches!(problem.deck.body.partial_volumes, deck::PartialVolumes::Linear)
 }
 
 /// Stored influences: the function itself, the share of a neighbour's volume inside the horizon, and the correction of the
@@ -492,7 +548,11 @@ fn thresholds<const D: usize>(
     let moment: f64 = family.iter().enumerate().map(|(k, b)| weights[k] * length(k) * b.1).sum();
     let non_elastic = matches!(&m.model, Model::BondBased(b) if !matches!(b.bond_law, BondLaw::Elastic | BondLaw::TensionOnly));
     if non_elastic && let Some(g) = &damage.energy_release_rate {
-        return Err(vec![Issue::new(g.span, "an energy release rate sets the strength of elastic bonds only", "give `critical_stretch` instead")]);
+        return Err(vec![Issue::new(
+            g.span,
+            "an energy release rate sets the strength of elastic bonds only",
+            "give `critical_stretch` instead",
+        )]);
     }
     let mut out = vec![f64::INFINITY; cloud.len()];
     for &p in &points {
@@ -506,7 +566,9 @@ fn thresholds<const D: usize>(
         } else {
             let g = damage.energy_release_rate.as_ref().map_or(f64::INFINITY, |g| g.eval(x, 0.0));
             match damage.criterion {
-                CriterionName::CriticalStretch if continuum => continuum_critical_stretch(g, elastic.young, elastic.bulk(), problem.horizon[p], section),
+                CriterionName::CriticalStretch if continuum => {
+                    continuum_critical_stretch(g, elastic.young, elastic.bulk(), problem.horizon[p], section)
+                }
                 CriterionName::CriticalStretch => {
                     // pair energy c ω s² |ξ|/2 of the bond-based solid with the same moduli
                     let constants = BondBasedConstants { young: elastic.young, section, continuum: false };
@@ -540,16 +602,20 @@ fn thresholds<const D: usize>(
 /// Isotropic moduli of a material at a place, for calibrations: of an anisotropic one the Voigt average.
 fn isotropic_estimate<const D: usize>(m: &deck::Material, x: [f64; 3], section: Section) -> Result<Isotropic, Issue> {
     match &m.model {
-        Model::BondBased(b) => Ok(Isotropic { young: b.youngs_modulus.eval(x, 0.0), poisson: BondBasedConstants::poisson(section).unwrap_or(0.25) }),
+        Model::BondBased(b) => {
+            Ok(Isotropic { young: b.youngs_modulus.eval(x, 0.0), poisson: BondBasedConstants::poisson(section).unwrap_or(0.25) })
+        }
         Model::LinearPeridynamicSolid(l) => {
             let e = &l.elasticity;
-            IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: l.span }.at(x, section)
+            IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: l.span }
+                .at(x, section)
         }
         Model::Correspondence(c) => match &c.law {
             LawName::LinearElastic(e) | LawName::SaintVenantKirchhoff(e) => Ok(stiffness_at::<D>(e, x, section)?.average),
             LawName::KelvinVoigt(k) => Ok(stiffness_at::<D>(&k.elasticity, x, section)?.average),
             LawName::NeoHookean(e) | LawName::Almansi(e) => {
-                IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span }.at(x, section)
+                IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span }
+                    .at(x, section)
             }
         },
     }

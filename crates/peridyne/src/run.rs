@@ -77,8 +77,7 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
     let Assembly { mut model, derived, warnings } = assembly;
     let mut recorder = Recorder::new(&problem, &*model, target)?;
     let (mut u, v) = initial_state(&problem);
-    let mut constants: Vec<Constant> =
-        derived.into_iter().map(|(name, value, unit)| Constant { name, value, unit: unit.into() }).collect();
+    let mut constants: Vec<Constant> = derived.into_iter().map(|(name, value, unit)| Constant { name, value, unit: unit.into() }).collect();
     let solving = Instant::now();
     let mut solver_time = 0.0;
     let (exit, steps) = match &problem.deck.solver {
@@ -135,7 +134,8 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
                 ..NewtonOptions::default()
             };
             let mut newton = Newton::new(newton);
-            let mut nonlinear = NonlinearCg::new(NonlinearCgOptions { tolerance: options.tolerance.value, ..NonlinearCgOptions::default() });
+            let mut nonlinear =
+                NonlinearCg::new(NonlinearCgOptions { tolerance: options.tolerance.value, ..NonlinearCgOptions::default() });
             let method: &mut dyn Equilibrium = match options.method {
                 deck::LinearMethod::NonlinearConjugateGradients => &mut nonlinear,
                 _ => &mut newton,
@@ -192,7 +192,13 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
         verdicts: result
             .measurements
             .iter()
-            .map(|m| Verdict { quantity: m.quantity.clone(), computed: m.computed, reference: m.reference, tolerance: m.tolerance, passed: m.passed })
+            .map(|m| Verdict {
+                quantity: m.quantity.clone(),
+                computed: m.computed,
+                reference: m.reference,
+                tolerance: m.tolerance,
+                passed: m.passed,
+            })
             .collect(),
         warnings: all_warnings,
         exit: exit.clone(),
@@ -305,8 +311,21 @@ impl<'a> Recorder<'a> {
         }
         let conditions = model.condition_names();
         let mut columns: Vec<String> = [
-            "time", "step", "energy.kinetic", "energy.strain", "energy.contact", "energy.external_work", "energy.total", "energy.dissipated",
-            "momentum.x", "momentum.y", "momentum.z", "angular_momentum.x", "angular_momentum.y", "angular_momentum.z", "damage.max",
+            "time",
+            "step",
+            "energy.kinetic",
+            "energy.strain",
+            "energy.contact",
+            "energy.external_work",
+            "energy.total",
+            "energy.dissipated",
+            "momentum.x",
+            "momentum.y",
+            "momentum.z",
+            "angular_momentum.x",
+            "angular_momentum.y",
+            "angular_momentum.z",
+            "damage.max",
             "damage.broken_bonds",
         ]
         .map(String::from)
@@ -362,7 +381,14 @@ impl<'a> Recorder<'a> {
     }
 
     /// One accepted step.
-    fn step(&mut self, model: &mut dyn Simulated, report: &StepReport, u: &[f64], v: &[f64], progress: &mut dyn Progress) -> ControlFlow<()> {
+    fn step(
+        &mut self,
+        model: &mut dyn Simulated,
+        report: &StepReport,
+        u: &[f64],
+        v: &[f64],
+        progress: &mut dyn Progress,
+    ) -> ControlFlow<()> {
         let clock = Instant::now();
         let v = if v.is_empty() { vec![0.0; u.len()] } else { v.to_vec() };
         let t = report.time;
@@ -463,7 +489,9 @@ impl<'a> Recorder<'a> {
         let snapshot = Snapshot { time: t, step, displacement: &displacement, fields: &fields };
         let written = match &mut self.file {
             Some(file) => file.append(&snapshot),
-            None => FieldFile::create(&folder.join("fields.vtkhdf"), &self.id, &self.reference, &[], &snapshot).map(|f| self.file = Some(f)),
+            None => {
+                FieldFile::create(&folder.join("fields.vtkhdf"), &self.id, &self.reference, &[], &snapshot).map(|f| self.file = Some(f))
+            }
         };
         self.frames += 1;
         let pictures = self.pictures(model, t, u, v, &displacement, |m| matches!(m, Moment::All), Some(self.frames));
@@ -486,7 +514,8 @@ impl<'a> Recorder<'a> {
         for p in self.problem.deck.output.pictures.iter().filter(|p| wanted(&p.time)) {
             let shown = component(model, &p.field, t, u, v);
             let name = p.name.as_ref().map_or_else(|| p.field.to_string().replace('.', "_"), |n| n.value.clone());
-            let body = picture::Body { dimension: self.problem.section.dimension(), reference: &self.reference, displacement, edge: &self.edge };
+            let body =
+                picture::Body { dimension: self.problem.section.dimension(), reference: &self.reference, displacement, edge: &self.edge };
             let label = p.field.to_string();
             let signed = shown.iter().any(|x| *x < 0.0) && shown.iter().any(|x| *x > 0.0);
             let damage = p.field.field.name() == "damage";
@@ -568,7 +597,12 @@ impl<'a> Recorder<'a> {
             if let (Some(x), Some(ys)) = (&p.x, &p.y) {
                 let column = |name: &str| self.rows.columns.iter().position(|c| c == name);
                 let Some(a) = column(&x.value) else {
-                    self.warnings.push(format!("plot `{}`: there is no history `{}`; there are {}", p.name.value, x.value, self.rows.columns.join(", ")));
+                    self.warnings.push(format!(
+                        "plot `{}`: there is no history `{}`; there are {}",
+                        p.name.value,
+                        x.value,
+                        self.rows.columns.join(", ")
+                    ));
                     continue;
                 };
                 plot.x = Axis::new(x.value.clone());

@@ -270,7 +270,13 @@ fn collect(path: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
 ///
 /// # Errors
 /// The faults of the deck.
-pub fn verify(path: &Path, run: &str, only: Option<&str>, progress: &mut dyn Progress, cancel: &AtomicBool) -> Result<Vec<Verdict>, DeckErrors> {
+pub fn verify(
+    path: &Path,
+    run: &str,
+    only: Option<&str>,
+    progress: &mut dyn Progress,
+    cancel: &AtomicBool,
+) -> Result<Vec<Verdict>, DeckErrors> {
     let deck = Deck::load(path, &[], only)?;
     if deck.expectations().next().is_none() {
         return Ok(vec![]);

@@ -3,9 +3,7 @@ use peridyne::deck::*;
 use std::path::Path;
 
 fn faults(text: &str) -> DeckErrors {
-    Deck::from_text(text.to_string(), Path::new("deck.yaml"), &[], None)
-        .map(|_| ())
-        .expect_err("the deck has faults")
+    Deck::from_text(text.to_string(), Path::new("deck.yaml"), &[], None).map(|_| ()).expect_err("the deck has faults")
 }
 
 const FAULTY: &str = r#"title: Faulty
@@ -71,112 +69,28 @@ fn every_fault_has_place_key_and_remedy() {
     let errors = faults(FAULTY);
     assert!(errors.faults().len() >= 30, "{}", errors.faults().len());
     for fault in errors.faults() {
-        assert!(
-            fault.line > 0 && fault.column > 0 && !fault.issue.path.is_empty(),
-            "{fault}"
-        );
-        assert!(
-            !fault.issue.help.is_empty() || fault.issue.message.contains("must be"),
-            "{fault}"
-        );
+        assert!(fault.line > 0 && fault.column > 0 && !fault.issue.path.is_empty(), "{fault}");
+        assert!(!fault.issue.help.is_empty() || fault.issue.message.contains("must be"), "{fault}");
     }
 }
 
 /// One change of a sound deck, and its fault: the text that is marked, the key, and parts of the message.
-struct Case(
-    &'static str,
-    &'static str,
-    &'static str,
-    &'static str,
-    &'static [&'static str],
-);
+struct Case(&'static str, &'static str, &'static str, &'static str, &'static [&'static str]);
 
 const SPACING: &str = "body.points[0].rectangle.spacing";
 const CASES: &[Case] = &[
-    Case(
-        "spacing: dx",
-        "spacing: 0",
-        "0",
-        SPACING,
-        &["must be positive", "0"],
-    ),
-    Case(
-        "spacing: dx",
-        "spacing: dz",
-        "dz",
-        SPACING,
-        &["`dz`", "`dx`"],
-    ),
-    Case(
-        "spacing: dx",
-        "spacing: 3 kg",
-        "3 kg",
-        SPACING,
-        &["`3 kg` is a mass", "a length is needed", "`0.5 mm`"],
-    ),
-    Case(
-        "spacing: dx",
-        "spacing: m*x",
-        "x",
-        SPACING,
-        &["`x` cannot be used here", "only parameters"],
-    ),
-    Case(
-        "spacing: dx",
-        "spacing: pull",
-        "pull",
-        SPACING,
-        &["`pull` is a pressure", "a length"],
-    ),
-    Case(
-        "spacing: dx",
-        "spacing: ${dz}",
-        "${dz}",
-        SPACING,
-        &["`${dz}` does not name a parameter", "`dx`"],
-    ),
-    Case(
-        "  plane: stress ",
-        "  plan: stress ",
-        "plan",
-        "body.plan",
-        &["`plan` is not a key", "`plane`"],
-    ),
-    Case(
-        "solver:",
-        "slover:",
-        "slover",
-        "slover",
-        &["`slover` is not a key of a deck", "`solver`"],
-    ),
-    Case(
-        "horizon: m*dx",
-        "horizon: m*dy",
-        "dy",
-        "body.horizon",
-        &["`dy`", "`dx`"],
-    ),
-    Case(
-        "{set: top, y: pull}",
-        "{set: topp, y: pull}",
-        "topp",
-        "conditions[0].traction.set",
-        &["no set `topp`", "`top`"],
-    ),
-    Case(
-        "{set: top, y: pull}",
-        "{set: top, z: pull}",
-        "pull",
-        "conditions[0].traction.z",
-        &["no `z` direction", "2D"],
-    ),
-    Case(
-        "[0.75*L, 0]",
-        "[0.75*L]",
-        "[0.75*L]",
-        "sets.middle.nearest",
-        &["1 coordinates", "dimension 2", "`[x, y]`"],
-    ),
+    Case("spacing: dx", "spacing: 0", "0", SPACING, &["must be positive", "0"]),
+    Case("spacing: dx", "spacing: dz", "dz", SPACING, &["`dz`", "`dx`"]),
+    Case("spacing: dx", "spacing: 3 kg", "3 kg", SPACING, &["`3 kg` is a mass", "a length is needed", "`0.5 mm`"]),
+    Case("spacing: dx", "spacing: m*x", "x", SPACING, &["`x` cannot be used here", "only parameters"]),
+    Case("spacing: dx", "spacing: pull", "pull", SPACING, &["`pull` is a pressure", "a length"]),
+    Case("spacing: dx", "spacing: ${dz}", "${dz}", SPACING, &["`${dz}` does not name a parameter", "`dx`"]),
+    Case("  plane: stress ", "  plan: stress ", "plan", "body.plan", &["`plan` is not a key", "`plane`"]),
+    Case("solver:", "slover:", "slover", "slover", &["`slover` is not a key of a deck", "`solver`"]),
+    Case("horizon: m*dx", "horizon: m*dy", "dy", "body.horizon", &["`dy`", "`dx`"]),
+    Case("{set: top, y: pull}", "{set: topp, y: pull}", "topp", "conditions[0].traction.set", &["no set `topp`", "`top`"]),
+    Case("{set: top, y: pull}", "{set: top, z: pull}", "pull", "conditions[0].traction.z", &["no `z` direction", "2D"]),
+    Case("[0.75*L, 0]", "[0.75*L]", "[0.75*L]", "sets.middle.nearest", &["1 coordinates", "dimension 2", "`[x, y]`"]),
     Case(
         "youngs_modulus: 72 GPa",
         "youngs_modulus: 72 GPa\n        bulk_modulus: 1",
@@ -184,62 +98,14 @@ const CASES: &[Case] = &[
         "linear_peridynamic_solid",
         &["two elastic constants", "`bulk_modulus`"],
     ),
-    Case(
-        "  m: 3.015",
-        "  m: 3.015\n  m: 4",
-        "m",
-        "parameters",
-        &["twice"],
-    ),
-    Case(
-        "dimension: 2",
-        "dimension: 2\n  dimension: 3",
-        "dimension",
-        "body",
-        &["twice"],
-    ),
-    Case(
-        "dimension: 2",
-        "dimension: 4",
-        "4",
-        "body.dimension",
-        &["1, 2 or 3"],
-    ),
-    Case(
-        "pull: 14 MPa",
-        "pull: 14 ${m",
-        "14 ${m",
-        "parameters.pull",
-        &["`${` has no `}`"],
-    ),
-    Case(
-        "title: Plate",
-        "title: ${n} Plate",
-        "${n}",
-        "title",
-        &["`${n}`", "`m`"],
-    ),
-    Case(
-        "    density: 2440 kg/m^3\n",
-        "",
-        "glass",
-        "materials.glass",
-        &["`density` is missing", "dynamics"],
-    ),
-    Case(
-        "    end: 20 us\n",
-        "",
-        "step: auto",
-        "solver.velocity_verlet",
-        &["`end` or `steps`"],
-    ),
-    Case(
-        "  top: {layer: {side: top}}",
-        "  top: {not: bottom}\n  bottom: top",
-        "bottom",
-        "sets",
-        &["twice"],
-    ),
+    Case("  m: 3.015", "  m: 3.015\n  m: 4", "m", "parameters", &["twice"]),
+    Case("dimension: 2", "dimension: 2\n  dimension: 3", "dimension", "body", &["twice"]),
+    Case("dimension: 2", "dimension: 4", "4", "body.dimension", &["1, 2 or 3"]),
+    Case("pull: 14 MPa", "pull: 14 ${m", "14 ${m", "parameters.pull", &["`${` has no `}`"]),
+    Case("title: Plate", "title: ${n} Plate", "${n}", "title", &["`${n}`", "`m`"]),
+    Case("    density: 2440 kg/m^3\n", "", "glass", "materials.glass", &["`density` is missing", "dynamics"]),
+    Case("    end: 20 us\n", "", "step: auto", "solver.velocity_verlet", &["`end` or `steps`"]),
+    Case("  top: {layer: {side: top}}", "  top: {not: bottom}\n  bottom: top", "bottom", "sets", &["twice"]),
     Case(
         "  top: {layer: {side: top}}",
         "  top: {not: middle}\n  centre: {any_of: [top, centre]}",
@@ -247,20 +113,8 @@ const CASES: &[Case] = &[
         "sets.centre",
         &["defined by itself"],
     ),
-    Case(
-        "{side: top}",
-        "{side: upper}",
-        "upper",
-        "sets.top.layer.side",
-        &["is not a side", "`front`"],
-    ),
-    Case(
-        "between: [0, 1]",
-        "value: 0, tolerance: 1e-3",
-        "0",
-        "expect[0].value",
-        &["relative tolerance", "`absolute"],
-    ),
+    Case("{side: top}", "{side: upper}", "upper", "sets.top.layer.side", &["is not a side", "`front`"]),
+    Case("between: [0, 1]", "value: 0, tolerance: 1e-3", "0", "expect[0].value", &["relative tolerance", "`absolute"]),
 ];
 
 #[test]
@@ -270,10 +124,7 @@ fn single_faults_are_exact() {
         assert_ne!(text, starter(), "{from}");
         let errors = faults(&text);
         let shown = errors.to_string();
-        let fault = errors
-            .faults()
-            .iter()
-            .find(|fault| fault.issue.path.ends_with(path));
+        let fault = errors.faults().iter().find(|fault| fault.issue.path.ends_with(path));
         let fault = fault.unwrap_or_else(|| panic!("{to}: no {path} in {shown}"));
         for part in *parts {
             assert!(shown.contains(part), "{to}: no {part} in {shown}");
@@ -294,27 +145,15 @@ fn a_faulty_parameter_is_told_once() {
 #[test]
 fn unreadable_files_are_told() {
     let folder = tempfile::tempdir().unwrap();
-    let missing = Deck::load(&folder.path().join("none.yaml"), &[], None)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        missing.contains("none.yaml: cannot be read") && missing.contains("check the path"),
-        "{missing}"
-    );
+    let missing = Deck::load(&folder.path().join("none.yaml"), &[], None).unwrap_err().to_string();
+    assert!(missing.contains("none.yaml: cannot be read") && missing.contains("check the path"), "{missing}");
 
     let latin = folder.path().join("latin.yaml");
     std::fs::write(&latin, b"title: x\nparameters:\n  a: 3 \xb5m\n").unwrap();
     let error = Deck::load(&latin, &[], None).unwrap_err().to_string();
-    assert!(
-        error.contains("not UTF-8")
-            && error.contains("line 3")
-            && error.contains("save the file as UTF-8"),
-        "{error}"
-    );
+    assert!(error.contains("not UTF-8") && error.contains("line 3") && error.contains("save the file as UTF-8"), "{error}");
 
-    let directory = Deck::load(folder.path(), &[], None)
-        .unwrap_err()
-        .to_string();
+    let directory = Deck::load(folder.path(), &[], None).unwrap_err().to_string();
     assert!(directory.contains("cannot be read"), "{directory}");
 }
 
@@ -335,10 +174,7 @@ fn faults_of_yaml_are_told_with_their_place() {
         ("just text\n", 1, "a deck is a map"),
     ] {
         let errors = faults(text);
-        let first = errors
-            .faults()
-            .iter()
-            .find(|fault| fault.to_string().contains(part));
+        let first = errors.faults().iter().find(|fault| fault.to_string().contains(part));
         let first = first.unwrap_or_else(|| panic!("{text:?}: {errors}"));
         assert!((first.line as i64 - line).abs() <= 1, "{text:?}: {errors}");
     }
@@ -349,23 +185,12 @@ fn hostile_decks_are_refused_without_harm() {
     let deep = "a: ".to_string() + &"[".repeat(200) + &"]".repeat(200);
     let mut bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n".to_string();
     for level in 1..12 {
-        bomb += &format!(
-            "a{level}: &a{level} [{}]\n",
-            vec![format!("*a{}", level - 1); 9].join(", ")
-        );
+        bomb += &format!("a{level}: &a{level} [{}]\n", vec![format!("*a{}", level - 1); 9].join(", "));
     }
-    let mut parameters =
-        "parameters:\n  p0: [x, x, x, x, x, x, x, x, x]\n  q0: xxxxxxxxx\n".to_string();
+    let mut parameters = "parameters:\n  p0: [x, x, x, x, x, x, x, x, x]\n  q0: xxxxxxxxx\n".to_string();
     for level in 1..12 {
-        let (p, q) = (
-            format!("${{p{}}}", level - 1),
-            format!("${{q{}}}", level - 1),
-        );
-        parameters += &format!(
-            "  p{level}: [{}]\n  q{level}: \"{}\"\n",
-            vec![p; 9].join(", "),
-            q.repeat(9)
-        );
+        let (p, q) = (format!("${{p{}}}", level - 1), format!("${{q{}}}", level - 1));
+        parameters += &format!("  p{level}: [{}]\n  q{level}: \"{}\"\n", vec![p; 9].join(", "), q.repeat(9));
     }
     for text in [
         parameters,
@@ -381,43 +206,22 @@ fn hostile_decks_are_refused_without_harm() {
     // Every prefix of a deck, and every deck with a line left out, is refused or read, never more.
     let lines: Vec<&str> = starter().lines().collect();
     for skip in 0..lines.len() {
-        let text: Vec<&str> = lines
-            .iter()
-            .enumerate()
-            .filter(|(index, _)| *index != skip)
-            .map(|(_, line)| *line)
-            .collect();
-        let _ = Deck::from_text(text.join("\n"), Path::new("deck.yaml"), &[], None)
-            .map_err(|errors| errors.to_string());
-        let _ = Deck::from_text(lines[..skip].join("\n"), Path::new("deck.yaml"), &[], None)
-            .map_err(|errors| errors.to_string());
+        let text: Vec<&str> = lines.iter().enumerate().filter(|(index, _)| *index != skip).map(|(_, line)| *line).collect();
+        let _ = Deck::from_text(text.join("\n"), Path::new("deck.yaml"), &[], None).map_err(|errors| errors.to_string());
+        let _ = Deck::from_text(lines[..skip].join("\n"), Path::new("deck.yaml"), &[], None).map_err(|errors| errors.to_string());
     }
     for end in (0..FAULTY.len()).step_by(7) {
-        let _ = Deck::from_text(FAULTY[..end].into(), Path::new("deck.yaml"), &[], None)
-            .map_err(|errors| errors.to_string());
+        let _ = Deck::from_text(FAULTY[..end].into(), Path::new("deck.yaml"), &[], None).map_err(|errors| errors.to_string());
     }
 }
 
 #[test]
 fn later_checks_can_point_into_the_deck() {
     let deck = Deck::from_text(starter().into(), Path::new("deck.yaml"), &[], None).unwrap();
-    let issue = Issue::new(
-        deck.body.horizon.span,
-        "the horizon is too small",
-        "take 3 spacings",
-    );
+    let issue = Issue::new(deck.body.horizon.span, "the horizon is too small", "take 3 spacings");
     let report = deck.errors(vec![issue]).to_string();
-    let line = starter()
-        .lines()
-        .position(|line| line.starts_with("  horizon:"))
-        .unwrap()
-        + 1;
-    assert!(
-        report.starts_with(&format!(
-            "deck.yaml:{line}:12: body.horizon: the horizon is too small\n"
-        )),
-        "{report}"
-    );
+    let line = starter().lines().position(|line| line.starts_with("  horizon:")).unwrap() + 1;
+    assert!(report.starts_with(&format!("deck.yaml:{line}:12: body.horizon: the horizon is too small\n")), "{report}");
     assert!(report.contains("   help: take 3 spacings"), "{report}");
 }
 
@@ -425,8 +229,6 @@ fn later_checks_can_point_into_the_deck() {
 fn a_terminal_renderer_can_show_the_report() {
     let errors = faults("title: x\nbdy: 3\n");
     let mut text = String::new();
-    miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor())
-        .render_report(&mut text, &errors)
-        .unwrap();
+    miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::unicode_nocolor()).render_report(&mut text, &errors).unwrap();
     assert!(text.contains("bdy") && text.contains("body"), "{text}");
 }

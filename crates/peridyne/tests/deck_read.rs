@@ -3,16 +3,8 @@ use peridyne::deck::*;
 use std::path::Path;
 
 fn read(text: &str, overrides: &[(&str, &str)], run: Option<&str>) -> Result<Deck, DeckErrors> {
-    let overrides: Vec<(String, String)> = overrides
-        .iter()
-        .map(|(name, value)| (name.to_string(), value.to_string()))
-        .collect();
-    Deck::from_text(
-        text.to_string(),
-        Path::new("decks/test/deck.yaml"),
-        &overrides,
-        run,
-    )
+    let overrides: Vec<(String, String)> = overrides.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect();
+    Deck::from_text(text.to_string(), Path::new("decks/test/deck.yaml"), &overrides, run)
 }
 
 fn sound(text: &str, overrides: &[(&str, &str)], run: Option<&str>) -> Deck {
@@ -73,10 +65,7 @@ fn the_committed_schema_is_current() {
         std::fs::write(&path, schema()).unwrap();
     }
     let committed = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(
-        committed == schema(),
-        "deck.schema.json is old: run this test with PERIDYNE_WRITE_SCHEMA=1"
-    );
+    assert!(committed == schema(), "deck.schema.json is old: run this test with PERIDYNE_WRITE_SCHEMA=1");
 }
 
 #[test]
@@ -84,58 +73,29 @@ fn values_are_read_in_si() {
     let deck = sound(BAR, &[], None);
     assert_eq!(deck.title.value, "Bar with m = 3");
     let numbers: Vec<(&str, f64)> = deck.parameters.numbers().collect();
-    assert_eq!(
-        numbers,
-        [
-            ("L", 1.6),
-            ("n", 160.0),
-            ("dx", 0.01),
-            ("m", 3.0),
-            ("delta", 0.03),
-            ("E", 72e9)
-        ]
-    );
+    assert_eq!(numbers, [("L", 1.6), ("n", 160.0), ("dx", 0.01), ("m", 3.0), ("delta", 0.03), ("E", 72e9)]);
     assert_eq!(deck.body.area.unwrap().value, 4e-6);
     assert_eq!(deck.body.horizon.constant(), Some(0.03));
-    let Points::Line(line) = &deck.body.points[0] else {
-        panic!()
-    };
+    let Points::Line(line) = &deck.body.points[0] else { panic!() };
     assert_eq!((line.from.value, line.lattice.spacing.value), (-0.8, 0.01));
-    let Model::Correspondence(model) = &deck.materials.get("steel").unwrap().model else {
-        panic!()
-    };
+    let Model::Correspondence(model) = &deck.materials.get("steel").unwrap().model else { panic!() };
     assert!(matches!(model.control, Control::Wan2019));
-    let Law::LinearElastic(law) = &model.law else {
-        panic!()
-    };
+    let Law::LinearElastic(law) = &model.law else { panic!() };
     let modulus = law.youngs_modulus.as_ref().unwrap();
     assert_eq!(modulus.constant(), None);
     assert_eq!(modulus.eval([0.8, 0.0, 0.0], 0.0), 90e9);
-    let Condition::Displacement(ramp) = &deck.conditions[1] else {
-        panic!()
-    };
+    let Condition::Displacement(ramp) = &deck.conditions[1] else { panic!() };
     let ramp = ramp.x.as_ref().unwrap();
     for (t, u) in [(0.0, 0.0), (0.25e-3, 0.5e-3), (1.0, 2e-3)] {
         assert!((ramp.eval([0.0; 3], t) - u).abs() < 1e-18);
     }
     assert_eq!(deck.conditions[0].label(), "grip");
     assert_eq!(deck.conditions[1].label(), "displacement_bar");
-    let Solver::Statics(statics) = &deck.solver else {
-        panic!()
-    };
-    assert_eq!(
-        (statics.tolerance.value, statics.max_iterations.value),
-        (1e-8, 30)
-    );
+    let Solver::Statics(statics) = &deck.solver else { panic!() };
+    assert_eq!((statics.tolerance.value, statics.max_iterations.value), (1e-8, 30));
     assert_eq!(deck.expectations().count(), 3);
-    assert!(matches!(
-        deck.expect[1].measured(),
-        Some(Measured::FieldAt(..))
-    ));
-    assert_eq!(
-        deck.resolve("points.csv"),
-        Path::new("decks/test/points.csv")
-    );
+    assert!(matches!(deck.expect[1].measured(), Some(Measured::FieldAt(..))));
+    assert_eq!(deck.resolve("points.csv"), Path::new("decks/test/points.csv"));
 }
 
 #[test]
@@ -151,40 +111,19 @@ fn runs_and_overrides_replace_parameters() {
 
     let silling = sound(BAR, &[], Some("silling"));
     assert!(silling.is_slow());
-    let Model::Correspondence(model) = &silling.materials.get("steel").unwrap().model else {
-        panic!()
-    };
-    assert!(
-        matches!(&model.control, Control::Silling2017(control) if control.strength.value == 0.5)
-    );
+    let Model::Correspondence(model) = &silling.materials.get("steel").unwrap().model else { panic!() };
+    assert!(matches!(&model.control, Control::Silling2017(control) if control.strength.value == 0.5));
 
-    let text = sound(
-        BAR,
-        &[("control", "{silling_2017: {strength: 0.25}}")],
-        None,
-    );
-    let Model::Correspondence(model) = &text.materials.get("steel").unwrap().model else {
-        panic!()
-    };
-    assert!(
-        matches!(&model.control, Control::Silling2017(control) if control.strength.value == 0.25)
-    );
+    let text = sound(BAR, &[("control", "{silling_2017: {strength: 0.25}}")], None);
+    let Model::Correspondence(model) = &text.materials.get("steel").unwrap().model else { panic!() };
+    assert!(matches!(&model.control, Control::Silling2017(control) if control.strength.value == 0.25));
 
     let typo = read(BAR, &[("mm", "5")], None).unwrap_err().to_string();
-    assert!(
-        typo.contains("no parameter `mm`") && typo.contains("`m`"),
-        "{typo}"
-    );
+    assert!(typo.contains("no parameter `mm`") && typo.contains("`m`"), "{typo}");
     let typo = read(BAR, &[], Some("corse")).unwrap_err().to_string();
-    assert!(
-        typo.contains("no run `corse`") && typo.contains("`coarse`"),
-        "{typo}"
-    );
+    assert!(typo.contains("no run `corse`") && typo.contains("`coarse`"), "{typo}");
     let wrong = read(BAR, &[("m", "5*q")], None).unwrap_err().to_string();
-    assert!(
-        wrong.contains("--set m:1:3") && wrong.contains("`q` is neither"),
-        "{wrong}"
-    );
+    assert!(wrong.contains("--set m:1:3") && wrong.contains("`q` is neither"), "{wrong}");
 }
 
 #[test]
@@ -193,27 +132,12 @@ fn runs_are_listed() {
     let path = folder.path().join("deck.yaml");
     std::fs::write(&path, BAR).unwrap();
     let runs = Deck::runs(&path).unwrap();
-    let names: Vec<(&str, bool)> = runs
-        .iter()
-        .map(|run| (run.name.as_str(), run.slow))
-        .collect();
-    assert_eq!(
-        names,
-        [("coarse", false), ("millimetres", false), ("silling", true)]
-    );
-    assert_eq!(
-        Deck::load(&path, &[], Some("coarse")).unwrap().run,
-        "coarse"
-    );
+    let names: Vec<(&str, bool)> = runs.iter().map(|run| (run.name.as_str(), run.slow)).collect();
+    assert_eq!(names, [("coarse", false), ("millimetres", false), ("silling", true)]);
+    assert_eq!(Deck::load(&path, &[], Some("coarse")).unwrap().run, "coarse");
     std::fs::write(&path, starter()).unwrap();
     let runs = Deck::runs(&path).unwrap();
-    assert_eq!(
-        runs,
-        [RunName {
-            name: "default".into(),
-            slow: false
-        }]
-    );
+    assert_eq!(runs, [RunName { name: "default".into(), slow: false }]);
     assert!(Deck::load(&path, &[], Some("default")).is_ok());
 }
 
@@ -231,11 +155,7 @@ fn units_of_the_deck_are_chosen() {
     assert_eq!(deck.body.area.unwrap().value, 0.04);
     assert_eq!(deck.units.symbols(), ["kg", "cm", "ms", "K"]);
     // 72 GPa = 72e9 kg/(m s^2) = 72e9 / 100 / 1e6 kg/(cm ms^2).
-    assert!(
-        deck.parameters
-            .numbers()
-            .any(|number| number == ("E", 720.0))
-    );
+    assert!(deck.parameters.numbers().any(|number| number == ("E", 720.0)));
 }
 
 #[test]
@@ -295,14 +215,9 @@ fn units_agree_with_nist() {
         (20.0, "degC", 293.15, 0.0),
         (1.0, "kW*h", 3.6e6, 1e-15),
     ] {
-        let parsed: Unit = unit
-            .parse()
-            .unwrap_or_else(|error| panic!("{unit}: {error}"));
+        let parsed: Unit = unit.parse().unwrap_or_else(|error| panic!("{unit}: {error}"));
         let value = si.convert(number, &parsed);
-        assert!(
-            (value - expected).abs() <= relative * expected.abs(),
-            "{number} {unit} = {value}, not {expected}"
-        );
+        assert!((value - expected).abs() <= relative * expected.abs(), "{number} {unit} = {value}, not {expected}");
     }
     let mm = UnitSystem::mm_n_mpa();
     for (number, unit, expected) in [
@@ -315,11 +230,7 @@ fn units_agree_with_nist() {
         (20.0, "degC", 293.15),
         (1.0, "MPa*mm^0.5", 1.0),
     ] {
-        assert_eq!(
-            mm.convert(number, &unit.parse().unwrap()),
-            expected,
-            "{number} {unit}"
-        );
+        assert_eq!(mm.convert(number, &unit.parse().unwrap()), expected, "{number} {unit}");
     }
     for (unit, part) in [
         ("gpa", "`GPa`"),

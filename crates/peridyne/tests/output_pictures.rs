@@ -27,11 +27,7 @@ impl Image {
         let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut bytes).unwrap();
         assert_eq!(info.color_type, png::ColorType::Rgb);
-        Self {
-            width: info.width as usize,
-            height: info.height as usize,
-            bytes,
-        }
+        Self { width: info.width as usize, height: info.height as usize, bytes }
     }
 
     fn pixel(&self, (x, y): (usize, usize)) -> Rgb {
@@ -54,11 +50,7 @@ fn grid(nx: usize, ny: usize, nz: usize, dx: f64) -> Vec<[f64; 3]> {
 }
 
 fn scalar<'a>(values: &'a [f64]) -> Shown<'a> {
-    Shown {
-        name: "value",
-        unit: Some("m"),
-        values,
-    }
+    Shown { name: "value", unit: Some("m"), values }
 }
 
 fn flat(mut points: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
@@ -73,20 +65,9 @@ fn background(color: Rgb) -> bool {
     color.iter().all(|&c| c >= 220)
 }
 
-fn draw_plane(
-    reference: &[[f64; 3]],
-    displacement: &[[f64; 3]],
-    dx: f64,
-    values: &[f64],
-    options: &Options,
-) -> Picture {
+fn draw_plane(reference: &[[f64; 3]], displacement: &[[f64; 3]], dx: f64, values: &[f64], options: &Options) -> Picture {
     let edge = vec![dx; reference.len()];
-    let body = Body {
-        dimension: 2,
-        reference,
-        displacement,
-        edge: &edge,
-    };
+    let body = Body { dimension: 2, reference, displacement, edge: &edge };
     draw(&body, &scalar(values), options).unwrap()
 }
 
@@ -96,10 +77,7 @@ fn two_values_show_the_two_ends_of_the_map_in_the_file() {
     let path = folder.path().join("two.png");
     let reference = flat(grid(40, 20, 1, 0.1));
     let still = vec![[0.0; 3]; reference.len()];
-    let values: Vec<f64> = reference
-        .iter()
-        .map(|x| if x[0] < 2.0 { -7.0 } else { 3.0 })
-        .collect();
+    let values: Vec<f64> = reference.iter().map(|x| if x[0] < 2.0 { -7.0 } else { 3.0 }).collect();
     let picture = draw_plane(&reference, &still, 0.1, &values, &Options::default());
     picture.write(&path).unwrap();
     let image = Image::read(&path);
@@ -111,12 +89,9 @@ fn two_values_show_the_two_ends_of_the_map_in_the_file() {
         assert_eq!(image.pixel(picture.locate(*x).unwrap()), expected, "{x:?}");
     }
     // Outside of the body nothing is drawn.
-    assert!(background(
-        image.pixel(picture.locate([-0.03, 1.0, 0.0]).unwrap())
-    ));
+    assert!(background(image.pixel(picture.locate([-0.03, 1.0, 0.0]).unwrap())));
     // One length is equally long in both directions.
-    let [a, b, c] =
-        [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]].map(|x| picture.locate(x).unwrap());
+    let [a, b, c] = [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]].map(|x| picture.locate(x).unwrap());
     assert!((b.0 - a.0).abs_diff(a.1 - c.1) <= 1);
     assert_eq!((a.1, a.0), (b.1, c.0));
 }
@@ -126,20 +101,10 @@ fn a_magnified_even_deformation_leaves_no_gap() {
     let reference = flat(grid(30, 30, 1, 1.0));
     // u = H x with a stretch of 60 % and a shear of 30 % after magnification.
     let h = [[0.6e-3, 0.3e-3], [0.0, -0.2e-3]];
-    let u = |x: &[f64; 3]| {
-        [
-            h[0][0] * x[0] + h[0][1] * x[1],
-            h[1][0] * x[0] + h[1][1] * x[1],
-            0.0,
-        ]
-    };
+    let u = |x: &[f64; 3]| [h[0][0] * x[0] + h[0][1] * x[1], h[1][0] * x[0] + h[1][1] * x[1], 0.0];
     let displacement: Vec<[f64; 3]> = reference.iter().map(u).collect();
     let values = vec![1.0; reference.len()];
-    let options = Options {
-        deformation: Deformation::Factor(1000.0),
-        range: Range::Fixed { min: 0.0, max: 1.0 },
-        ..Options::default()
-    };
+    let options = Options { deformation: Deformation::Factor(1000.0), range: Range::Fixed { min: 0.0, max: 1.0 }, ..Options::default() };
     let picture = draw_plane(&reference, &displacement, 1.0, &values, &options);
     // Places all over the deformed body, off the middles of the cells.
     for i in 1..300 {
@@ -161,10 +126,7 @@ fn a_crack_stays_open() {
     let open = |x: &[f64; 3]| [0.0, if x[1] > 15.0 { 0.5 } else { -0.5 }, 0.0];
     let displacement: Vec<[f64; 3]> = reference.iter().map(open).collect();
     let values = vec![1.0; reference.len()];
-    let options = Options {
-        range: Range::Fixed { min: 0.0, max: 1.0 },
-        ..Options::default()
-    };
+    let options = Options { range: Range::Fixed { min: 0.0, max: 1.0 }, ..Options::default() };
     let picture = draw_plane(&reference, &displacement, 1.0, &values, &options);
     let at = |y: f64| {
         let (column, row) = picture.locate([7.3, y, 0.0]).unwrap();
@@ -184,27 +146,16 @@ fn units_do_not_change_the_picture() {
     let colors = |scale: f64| {
         let dx = 0.1 * scale;
         let reference = flat(grid(20, 10, 1, dx));
-        let displacement: Vec<[f64; 3]> = reference
-            .iter()
-            .map(|x| [0.01 * x[1], 0.02 * x[0], 0.0])
-            .collect();
+        let displacement: Vec<[f64; 3]> = reference.iter().map(|x| [0.01 * x[1], 0.02 * x[0], 0.0]).collect();
         let values: Vec<f64> = reference.iter().map(|x| x[0] + x[1]).collect();
-        let options = Options {
-            deformation: Deformation::Factor(10.0),
-            width: 1200,
-            ..Options::default()
-        };
+        let options = Options { deformation: Deformation::Factor(10.0), width: 1200, ..Options::default() };
         let picture = draw_plane(&reference, &displacement, dx, &values, &options);
         let place = |(x, u): (&[f64; 3], &[f64; 3])| {
             let y = std::array::from_fn(|k| x[k] + 10.0 * u[k]);
             let (column, row) = picture.locate(y).unwrap();
             picture.canvas.pixel(column, row).unwrap()
         };
-        reference
-            .iter()
-            .zip(&displacement)
-            .map(place)
-            .collect::<Vec<_>>()
+        reference.iter().zip(&displacement).map(place).collect::<Vec<_>>()
     };
     let plain = colors(1.0);
     assert_eq!(plain[0], LOW);
@@ -240,30 +191,15 @@ fn in_space_the_nearer_block_hides_the_farther() {
     let still = vec![[0.0; 3]; reference.len()];
     let edge = vec![0.5; reference.len()];
     // The layer at the top has the other value.
-    let values: Vec<f64> = reference
-        .iter()
-        .map(|x| f64::from(u8::from(x[2] > 2.5)))
-        .collect();
-    let body = Body {
-        dimension: 3,
-        reference: &reference,
-        displacement: &still,
-        edge: &edge,
-    };
+    let values: Vec<f64> = reference.iter().map(|x| f64::from(u8::from(x[2] > 2.5))).collect();
+    let body = Body { dimension: 3, reference: &reference, displacement: &still, edge: &edge };
     // Shading scales all channels alike: their ratios tell the colour.
     let is = |found: Rgb, expected: Rgb| {
         let factor = f64::from(found[0]) / f64::from(expected[0]);
-        (0.7..=1.0).contains(&factor)
-            && (0..3).all(|c| (f64::from(found[c]) - factor * f64::from(expected[c])).abs() < 4.0)
+        (0.7..=1.0).contains(&factor) && (0..3).all(|c| (f64::from(found[c]) - factor * f64::from(expected[c])).abs() < 4.0)
     };
     for (elevation, expected) in [(90.0, HIGH), (-90.0, LOW), (40.0, HIGH), (-40.0, LOW)] {
-        let options = Options {
-            view: View {
-                azimuth: 25.0,
-                elevation,
-            },
-            ..Options::default()
-        };
+        let options = Options { view: View { azimuth: 25.0, elevation }, ..Options::default() };
         let picture = draw(&body, &scalar(&values), &options).unwrap();
         // Middle of the top or bottom of the body, off the rims of the blocks.
         let z = if elevation > 0.0 { 3.0 } else { 0.0 };
@@ -279,12 +215,7 @@ fn a_bar_shows_its_field_as_curve_and_strip() {
     let still = vec![[0.0; 3]; 50];
     let edge = vec![1.0; 50];
     let values: Vec<f64> = (0..50).map(|i| if i < 25 { 0.0 } else { 1.0 }).collect();
-    let body = Body {
-        dimension: 1,
-        reference: &reference,
-        displacement: &still,
-        edge: &edge,
-    };
+    let body = Body { dimension: 1, reference: &reference, displacement: &still, edge: &edge };
     let picture = draw(&body, &scalar(&values), &Options::default()).unwrap();
     let canvas = &picture.canvas;
     assert_eq!((canvas.width(), canvas.height()), (1600, 1000));
@@ -302,12 +233,7 @@ fn impossible_pictures_are_refused() {
     let still = vec![[0.0; 3]; 9];
     let edge = vec![1.0; 9];
     let values = vec![0.0; 9];
-    let body = Body {
-        dimension: 2,
-        reference: &reference,
-        displacement: &still,
-        edge: &edge,
-    };
+    let body = Body { dimension: 2, reference: &reference, displacement: &still, edge: &edge };
     let plain = Options::default();
     let refused = |body: &Body, values: &[f64], options: &Options, words: &str| {
         let error = draw(body, &scalar(values), options).unwrap_err();
@@ -316,38 +242,18 @@ fn impossible_pictures_are_refused() {
         assert!(text.contains(words) && text.contains("`value`"), "{text}");
     };
     refused(&body, &values[1..], &plain, "8 values for 9 points");
-    let dimension = Body {
-        dimension: 4,
-        ..body
-    };
+    let dimension = Body { dimension: 4, ..body };
     refused(&dimension, &values, &plain, "dimension is 4");
     let nowhere = vec![[f64::NAN; 3]; 9];
-    let lost = Body {
-        reference: &nowhere,
-        ..body
-    };
+    let lost = Body { reference: &nowhere, ..body };
     refused(&lost, &values, &plain, "no point has a finite position");
-    let none = Body {
-        dimension: 2,
-        reference: &[],
-        displacement: &[],
-        edge: &[],
-    };
+    let none = Body { dimension: 2, reference: &[], displacement: &[], edge: &[] };
     refused(&none, &[], &plain, "no point");
-    let range = Options {
-        range: Range::Fixed { min: 1.0, max: 1.0 },
-        ..plain.clone()
-    };
+    let range = Options { range: Range::Fixed { min: 1.0, max: 1.0 }, ..plain.clone() };
     refused(&body, &values, &range, "from 1 to 1");
-    let tiny = Options {
-        width: 20,
-        ..plain.clone()
-    };
+    let tiny = Options { width: 20, ..plain.clone() };
     refused(&body, &values, &tiny, "20 × 1000 pixels");
-    let turned = Options {
-        deformation: Deformation::Factor(f64::INFINITY),
-        ..plain
-    };
+    let turned = Options { deformation: Deformation::Factor(f64::INFINITY), ..plain };
     refused(&body, &values, &turned, "magnification is inf");
 }
 
@@ -369,36 +275,13 @@ fn places(canvas: &Canvas, color: Rgb) -> Vec<(usize, usize)> {
 
 #[test]
 fn a_curve_is_where_its_axes_say() {
-    let plot = Plot::new(
-        "",
-        Axis::new("x").range(0.0, 4.0),
-        Axis::new("y").range(0.0, 10.0),
-    )
-    .curve(Curve::new(
-        "",
-        vec![
-            [1.0, 5.0],
-            [2.0, 5.0],
-            [f64::NAN, 5.0],
-            [3.0, 5.0],
-            [9.0, 5.0],
-        ],
-    ));
+    let plot = Plot::new("", Axis::new("x").range(0.0, 4.0), Axis::new("y").range(0.0, 10.0))
+        .curve(Curve::new("", vec![[1.0, 5.0], [2.0, 5.0], [f64::NAN, 5.0], [3.0, 5.0], [9.0, 5.0]]));
     let canvas = plot.draw().unwrap();
     assert_eq!((canvas.width(), canvas.height()), (1600, 1000));
     // The frame: columns and rows that are dark along most of their length.
-    let dark_column = |x: &usize| {
-        (0..1000)
-            .filter(|&y| canvas.pixel(*x, y) == Some(INK))
-            .count()
-            > 500
-    };
-    let dark_row = |y: &usize| {
-        (0..1600)
-            .filter(|&x| canvas.pixel(x, *y) == Some(INK))
-            .count()
-            > 800
-    };
+    let dark_column = |x: &usize| (0..1000).filter(|&y| canvas.pixel(*x, y) == Some(INK)).count() > 500;
+    let dark_row = |y: &usize| (0..1600).filter(|&x| canvas.pixel(x, *y) == Some(INK)).count() > 800;
     let columns: Vec<usize> = (0..1600).filter(dark_column).collect();
     let rows: Vec<usize> = (0..1000).filter(dark_row).collect();
     let (left, right) = (columns[1] as f64 + 1.0, columns[2] as f64);
@@ -407,11 +290,7 @@ fn a_curve_is_where_its_axes_say() {
 
     let curve = places(&canvas, CURVES[0]);
     let middle = 0.5 * (top + bottom);
-    assert!(
-        curve
-            .iter()
-            .all(|p| (p.1 as f64 + 0.5 - middle).abs() < 2.0)
-    );
+    assert!(curve.iter().all(|p| (p.1 as f64 + 0.5 - middle).abs() < 2.0));
     let has = |x: f64| curve.iter().any(|p| p.0 == (left + x * unit) as usize);
     assert!(has(1.02) && has(1.5) && has(1.98));
     assert!(!has(0.95) && !has(2.5));
@@ -421,37 +300,19 @@ fn a_curve_is_where_its_axes_say() {
 
 #[test]
 fn logarithmic_axes_space_decades_evenly_and_leave_out_what_is_not_positive() {
-    let points = vec![
-        [1.0, 1e-3],
-        [10.0, 1e-5],
-        [100.0, 1e-7],
-        [0.0, 1e-5],
-        [10.0, -1.0],
-    ];
-    let plot = Plot::new(
-        "order",
-        Axis::new("x").logarithmic(),
-        Axis::new("y").logarithmic(),
-    )
-    .curve(Curve::new("", points).style(Style::Markers));
+    let points = vec![[1.0, 1e-3], [10.0, 1e-5], [100.0, 1e-7], [0.0, 1e-5], [10.0, -1.0]];
+    let plot =
+        Plot::new("order", Axis::new("x").logarithmic(), Axis::new("y").logarithmic()).curve(Curve::new("", points).style(Style::Markers));
     let marks = places(&plot.draw().unwrap(), CURVES[0]);
     // Markers are discs: their middles are the means of three well separated groups.
     let mean = |from: f64, to: f64, axis: fn(&(usize, usize)) -> f64| {
-        let group: Vec<f64> = marks
-            .iter()
-            .filter(|p| (p.0 as f64) >= from && (p.0 as f64) < to)
-            .map(axis)
-            .collect();
+        let group: Vec<f64> = marks.iter().filter(|p| (p.0 as f64) >= from && (p.0 as f64) < to).map(axis).collect();
         assert!(group.len() > 60);
         group.iter().sum::<f64>() / group.len() as f64
     };
     let third = 1600.0 / 3.0;
-    let x: Vec<f64> = (0..3)
-        .map(|i| mean(i as f64 * third, (i + 1) as f64 * third, |p| p.0 as f64))
-        .collect();
-    let y: Vec<f64> = (0..3)
-        .map(|i| mean(i as f64 * third, (i + 1) as f64 * third, |p| p.1 as f64))
-        .collect();
+    let x: Vec<f64> = (0..3).map(|i| mean(i as f64 * third, (i + 1) as f64 * third, |p| p.0 as f64)).collect();
+    let y: Vec<f64> = (0..3).map(|i| mean(i as f64 * third, (i + 1) as f64 * third, |p| p.1 as f64)).collect();
     assert!((x[2] - 2.0 * x[1] + x[0]).abs() < 1.0, "{x:?}");
     assert!((y[2] - 2.0 * y[1] + y[0]).abs() < 1.0, "{y:?}");
     assert!(y[2] - y[0] > 500.0);
@@ -460,22 +321,12 @@ fn logarithmic_axes_space_decades_evenly_and_leave_out_what_is_not_positive() {
 #[test]
 fn a_plot_writes_its_points_and_a_picture() {
     let folder = tempfile::tempdir().unwrap();
-    let plot = Plot::new(
-        "t",
-        Axis::new("time").unit("s"),
-        Axis::new("force, total").unit("N"),
-    )
-    .curve(Curve::new("a", vec![[0.1, 1.0 / 3.0], [0.2, -1e-300]]))
-    .curve(Curve::new("b", vec![[0.3, 2.0]]).style(Style::LineAndMarkers))
-    .curve(Curve::new("exact", vec![[0.0, 0.0], [0.3, 1.0]]).style(Style::Dashed))
-    .reference(ReferenceLine::Horizontal {
-        y: 1.5,
-        label: "limit".into(),
-    })
-    .reference(ReferenceLine::Vertical {
-        x: 0.25,
-        label: "end".into(),
-    });
+    let plot = Plot::new("t", Axis::new("time").unit("s"), Axis::new("force, total").unit("N"))
+        .curve(Curve::new("a", vec![[0.1, 1.0 / 3.0], [0.2, -1e-300]]))
+        .curve(Curve::new("b", vec![[0.3, 2.0]]).style(Style::LineAndMarkers))
+        .curve(Curve::new("exact", vec![[0.0, 0.0], [0.3, 1.0]]).style(Style::Dashed))
+        .reference(ReferenceLine::Horizontal { y: 1.5, label: "limit".into() })
+        .reference(ReferenceLine::Vertical { x: 0.25, label: "end".into() });
     let table = folder.path().join("plot.csv");
     plot.write_csv(&table).unwrap();
     let mut reader = csv::Reader::from_path(&table).unwrap();
@@ -496,26 +347,14 @@ fn a_plot_writes_its_points_and_a_picture() {
 
 #[test]
 fn impossible_plots_are_refused() {
-    let empty = Plot::new("empty", Axis::new("x"), Axis::new("y").logarithmic())
-        .curve(Curve::new("a", vec![[0.0, -1.0], [f64::NAN, 1.0]]));
+    let empty = Plot::new("empty", Axis::new("x"), Axis::new("y").logarithmic()).curve(Curve::new("a", vec![[0.0, -1.0], [f64::NAN, 1.0]]));
     let text = empty.draw().unwrap_err().to_string();
-    assert!(
-        text.contains("`empty`") && text.contains("no curve has a point"),
-        "{text}"
-    );
+    assert!(text.contains("`empty`") && text.contains("no curve has a point"), "{text}");
     let point = Curve::new("a", vec![[1.0, 1.0]]);
     let reversed = Plot::new("p", Axis::new("x").range(2.0, 1.0), Axis::new("y"));
-    let text = reversed
-        .curve(point.clone())
-        .draw()
-        .unwrap_err()
-        .to_string();
+    let text = reversed.curve(point.clone()).draw().unwrap_err().to_string();
     assert!(text.contains("`x` cannot run from 2 to 1"), "{text}");
-    let zero = Plot::new(
-        "p",
-        Axis::new("x").logarithmic().range(0.0, 1.0),
-        Axis::new("y"),
-    );
+    let zero = Plot::new("p", Axis::new("x").logarithmic().range(0.0, 1.0), Axis::new("y"));
     assert!(zero.curve(point.clone()).draw().is_err());
     // A single point is enough, on any axes.
     let single = Plot::new("p", Axis::new("x").logarithmic(), Axis::new("y"));
@@ -526,17 +365,8 @@ fn impossible_plots_are_refused() {
 fn colors_beyond_a_fixed_range_are_those_of_its_ends() {
     let reference = flat(grid(4, 4, 1, 1.0));
     let still = vec![[0.0; 3]; 16];
-    let values: Vec<f64> = (0..16)
-        .map(|i| if i % 4 < 2 { -50.0 } else { 50.0 })
-        .collect();
-    let options = Options {
-        colors: ColorMap::Diverging,
-        range: Range::Fixed {
-            min: -1.0,
-            max: 1.0,
-        },
-        ..Options::default()
-    };
+    let values: Vec<f64> = (0..16).map(|i| if i % 4 < 2 { -50.0 } else { 50.0 }).collect();
+    let options = Options { colors: ColorMap::Diverging, range: Range::Fixed { min: -1.0, max: 1.0 }, ..Options::default() };
     let picture = draw_plane(&reference, &still, 1.0, &values, &options);
     let at = |x| {
         let (column, row) = picture.locate([x, 1.4, 0.0]).unwrap();

@@ -239,11 +239,23 @@ impl<'a, S: Scalar, const D: usize> Bond<'a, S, D> {
     /// `(2ξ·η + η·η)/(|Y| + |ξ|)`, so small strains keep all their digits and an undeformed bond has exactly none.
     #[inline(always)]
     pub fn extension(self) -> (S, Vector<S, D>) {
+        let (growth, sum, y) = self.elongation();
+        (growth * sum.recip(), y)
+    }
+    /// Stretch s = e/|ξ| and the unit vector along Y, with the same care.
+    #[inline(always)]
+    pub fn stretch(self) -> (S, Vector<S, D>) {
+        let (growth, sum, y) = self.elongation();
+        (growth * (sum * self.length()).recip(), y)
+    }
+    /// |Y|² − |ξ|², |Y| + |ξ|, and the unit vector along Y.
+    #[inline(always)]
+    fn elongation(self) -> (S, S, Vector<S, D>) {
         let (xi, eta, length) = (self.xi(), self.eta(), self.length());
         let growth = eta.dot(xi * S::of(2.0) + eta);
         let square = length.fma(length, growth);
         let inverse = square.rsqrt();
-        (growth / square.fma(inverse, length), (xi + eta) * inverse)
+        (growth, square.fma(inverse, length), (xi + eta) * inverse)
     }
     /// Volume V′ of the far point, zero where the bond is broken.
     #[inline(always)]

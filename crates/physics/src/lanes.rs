@@ -54,6 +54,10 @@ pub(crate) trait InstructionSet: Copy + Send + Sync + 'static {
     fn rsqrt(a: Eight) -> Eight {
         array(|l| 1.0 / a[l].sqrt())
     }
+    #[inline(always)]
+    fn recip(a: Eight) -> Eight {
+        array(|l| 1.0 / a[l])
+    }
     /// `a` where `x ≥ 0`, else `b`
     #[inline(always)]
     fn select(x: Eight, a: Eight, b: Eight) -> Eight {
@@ -180,6 +184,10 @@ impl<I: InstructionSet> Scalar for Lanes<I> {
         Self::new(I::rsqrt(self.0))
     }
     #[inline(always)]
+    fn recip(self) -> Self {
+        Self::new(I::recip(self.0))
+    }
+    #[inline(always)]
     fn fma(self, a: Self, b: Self) -> Self {
         Self::new(I::fma(self.0, a.0, b.0))
     }
@@ -285,7 +293,8 @@ mod tests {
                 let j = S::index(self.1, at);
                 let [a, b, c, d] = S::row_f64(self.0, j);
                 let x = S::load(self.0, at);
-                let r = (a + b) * c - d / (x + S::of(2.0)) + (a * a + S::of(1.0)).rsqrt() + b.abs().sqrt() - (-c);
+                let r =
+                    (a + b) * c - d / (x + S::of(2.0)) + (a * a + S::of(1.0)).rsqrt() + (b - S::of(30.0)).recip() + b.abs().sqrt() - (-c);
                 let s = a.select(b, c).max(d).min(x).fma(a, r) + S::load_point(self.0, j) * 0.5;
                 out.push(s.masked(&[0b1011_0101; 64], at).sum());
                 S::subtract_rows::<3>(&mut rows, j, [a, s, r]);

@@ -69,6 +69,11 @@ pub trait Scalar:
     fn rsqrt(self) -> Self {
         Self::of(1.0) / self.sqrt()
     }
+    /// 1/x
+    #[inline(always)]
+    fn recip(self) -> Self {
+        Self::of(1.0) / self
+    }
     /// Natural logarithm.
     #[inline(always)]
     fn ln(self) -> Self {

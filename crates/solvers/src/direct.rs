@@ -32,9 +32,7 @@ pub enum DirectError {
         dof: usize,
     },
     /// The factor does not fit.
-    #[error(
-        "the factor of {dofs} dofs needs more memory than there is ({values} numbers): use conjugate gradients"
-    )]
+    #[error("the factor of {dofs} dofs needs more memory than there is ({values} numbers): use conjugate gradients")]
     OutOfMemory {
         /// Number of free dofs.
         dofs: usize,
@@ -42,9 +40,7 @@ pub enum DirectError {
         values: usize,
     },
     /// The solution is not accurate, after refinement.
-    #[error(
-        "the linear solution has relative residual {residual:.1e}: the stiffness is numerically singular, most of all at dof {dof}"
-    )]
+    #[error("the linear solution has relative residual {residual:.1e}: the stiffness is numerically singular, most of all at dof {dof}")]
     Inaccurate {
         /// Relative residual reached.
         residual: f64,
@@ -115,23 +111,12 @@ impl SparseCholesky {
     ///
     /// # Panics
     /// Where lengths do not agree.
-    pub fn analyze(
-        pattern: Arc<BlockPattern>,
-        positions: &[f64],
-        fixed: &[bool],
-        threads: usize,
-    ) -> Result<Self, DirectError> {
+    pub fn analyze(pattern: Arc<BlockPattern>, positions: &[f64], fixed: &[bool], threads: usize) -> Result<Self, DirectError> {
         let (d, points) = (pattern.block(), pattern.points());
         assert_eq!(fixed.len(), pattern.dofs());
-        let kept: Vec<bool> = (0..points)
-            .map(|p| fixed[p * d..(p + 1) * d].contains(&false))
-            .collect();
+        let kept: Vec<bool> = (0..points).map(|p| fixed[p * d..(p + 1) * d].contains(&false)).collect();
         let kept_points: Vec<u32> = (0..points as u32).filter(|&p| kept[p as usize]).collect();
-        let free_of = |p: u32| {
-            (0..d)
-                .filter(move |i| !fixed[p as usize * d + i])
-                .map(move |i| p as usize * d + i)
-        };
+        let free_of = |p: u32| (0..d).filter(move |i| !fixed[p as usize * d + i]).map(move |i| p as usize * d + i);
         let graph = Graph::new(&pattern, &kept);
         let dofs: usize = kept_points.iter().map(|&p| free_of(p).count()).sum();
         let out_of_memory = |values| DirectError::OutOfMemory { dofs, values };
@@ -142,14 +127,8 @@ impl SparseCholesky {
         if !positions.is_empty() && points > 0 {
             let dimension = positions.len() / points;
             assert_eq!(positions.len(), points * dimension);
-            let kept_positions: Vec<f64> = kept_points
-                .iter()
-                .flat_map(|&p| {
-                    positions[p as usize * dimension..(p as usize + 1) * dimension]
-                        .iter()
-                        .copied()
-                })
-                .collect();
+            let kept_positions: Vec<f64> =
+                kept_points.iter().flat_map(|&p| positions[p as usize * dimension..(p as usize + 1) * dimension].iter().copied()).collect();
             let dissected = nested_dissection(&graph, &kept_positions, dimension);
             let (dissected_fill, dissected) = fill(&graph, &dissected).ok_or(out_of_memory(0))?;
             if dissected_fill as f64 <= EQUAL_FILL * minimum_fill as f64 {
@@ -171,10 +150,7 @@ impl SparseCholesky {
             pattern,
             fixed: fixed.to_vec(),
             ordering,
-            threads: threads.clamp(
-                1,
-                std::thread::available_parallelism().map_or(1, |n| n.get()),
-            ),
+            threads: threads.clamp(1, std::thread::available_parallelism().map_or(1, |n| n.get())),
             dof,
             values: vec![0.0; rows.len()],
             starts,
@@ -208,14 +184,7 @@ impl SparseCholesky {
         let stack = MemStack::new(&mut memory);
         let (mut tree, mut counts) = (vec![0isize; n], vec![0usize; n]);
         let tree = simplicial::prefactorize_symbolic_cholesky(&mut tree, &mut counts, upper, stack);
-        supernodal::factorize_supernodal_symbolic_cholesky(
-            upper,
-            tree,
-            &counts,
-            stack,
-            Default::default(),
-        )
-        .ok()
+        supernodal::factorize_supernodal_symbolic_cholesky(upper, tree, &counts, stack, Default::default()).ok()
     }
 
     fn symbolic(&self) -> &supernodal::SymbolicSupernodalCholesky<usize> {
@@ -254,15 +223,8 @@ impl SparseCholesky {
     ///
     /// # Panics
     /// Where the matrix has another pattern than the one analysed.
-    pub fn factor(
-        &mut self,
-        matrix: &BlockMatrix,
-        addition: Option<&[f64]>,
-    ) -> Result<(), DirectError> {
-        assert!(
-            Arc::ptr_eq(matrix.pattern(), &self.pattern),
-            "the matrix must share the analysed pattern"
-        );
+    pub fn factor(&mut self, matrix: &BlockMatrix, addition: Option<&[f64]>) -> Result<(), DirectError> {
+        assert!(Arc::ptr_eq(matrix.pattern(), &self.pattern), "the matrix must share the analysed pattern");
         self.factored = false;
         let n = self.dof.len();
         if n == 0 {
@@ -282,32 +244,22 @@ impl SparseCholesky {
         for k in 0..n {
             let pivot = self.values[self.starts[k]];
             if !(pivot > 0.0 && pivot.is_finite()) {
-                return Err(DirectError::NotPositiveDefinite {
-                    dof: self.dof[k] as usize,
-                });
+                return Err(DirectError::NotPositiveDefinite { dof: self.dof[k] as usize });
             }
         }
         let par = parallelism(self.threads);
         let symbolic = self.symbolic.as_ref().expect("set by `analyze`");
-        let out_of_memory = DirectError::OutOfMemory {
-            dofs: n,
-            values: symbolic.len_val(),
-        };
+        let out_of_memory = DirectError::OutOfMemory { dofs: n, values: symbolic.len_val() };
         if self.factor.is_empty() {
-            self.factor
-                .try_reserve_exact(symbolic.len_val())
-                .map_err(|_| out_of_memory.clone())?;
+            self.factor.try_reserve_exact(symbolic.len_val()).map_err(|_| out_of_memory.clone())?;
             self.factor.resize(symbolic.len_val(), 0.0);
             let params: Spec<LltParams, f64> = Default::default();
-            let request = supernodal::factorize_supernodal_numeric_llt_scratch::<usize, f64>(
-                symbolic, par, params,
-            )
-            .or(symbolic.solve_in_place_scratch::<f64>(1, par));
+            let request = supernodal::factorize_supernodal_numeric_llt_scratch::<usize, f64>(symbolic, par, params)
+                .or(symbolic.solve_in_place_scratch::<f64>(1, par));
             self.memory = Some(MemBuffer::try_new(request).map_err(|_| out_of_memory)?);
         }
         let stack = MemStack::new(self.memory.as_mut().expect("allocated with the factor"));
-        let pattern =
-            SymbolicSparseColMatRef::new_unsorted_checked(n, n, &self.starts, None, &self.rows);
+        let pattern = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &self.starts, None, &self.rows);
         let lower = SparseColMatRef::new(pattern, &self.values);
         supernodal::factorize_supernodal_numeric_llt(
             &mut self.factor,
@@ -318,16 +270,10 @@ impl SparseCholesky {
             stack,
             Default::default(),
         )
-        .map_err(|LltError::NonPositivePivot { index }| {
-            DirectError::NotPositiveDefinite {
-                dof: self.dof[index.min(n - 1)] as usize,
-            }
-        })?;
+        .map_err(|LltError::NonPositivePivot { index }| DirectError::NotPositiveDefinite { dof: self.dof[index.min(n - 1)] as usize })?;
         let (weakest, ratio) = self.weakest_pivot();
         if ratio < SINGULAR || ratio.is_nan() {
-            return Err(DirectError::NotPositiveDefinite {
-                dof: self.dof[weakest] as usize,
-            });
+            return Err(DirectError::NotPositiveDefinite { dof: self.dof[weakest] as usize });
         }
         self.weakest = weakest;
         self.factored = true;
@@ -388,10 +334,7 @@ impl SparseCholesky {
             }
         }
         if reached > INACCURATE || reached.is_nan() {
-            return Err(DirectError::Inaccurate {
-                residual: reached,
-                dof: self.dof[self.weakest] as usize,
-            });
+            return Err(DirectError::Inaccurate { residual: reached, dof: self.dof[self.weakest] as usize });
         }
         for (&dof, &value) in self.dof.iter().zip(&self.solution) {
             x[dof as usize] = value;
@@ -404,11 +347,7 @@ impl SparseCholesky {
         let symbolic = self.symbolic.as_ref().expect("set by `analyze`");
         let llt = supernodal::SupernodalLltRef::new(symbolic, &self.factor);
         let stack = MemStack::new(self.memory.as_mut().expect("allocated with the factor"));
-        let vector = if residual {
-            &mut self.residual
-        } else {
-            &mut self.solution
-        };
+        let vector = if residual { &mut self.residual } else { &mut self.solution };
         let n = vector.len();
         let mut vector = MatMut::from_column_major_slice_mut(vector, n, 1);
         // One right-hand side is bound by memory: threads would only spin.
@@ -434,20 +373,12 @@ impl SparseCholesky {
 }
 
 fn parallelism(threads: usize) -> Par {
-    if threads > 1 {
-        Par::rayon(threads)
-    } else {
-        Par::Seq
-    }
+    if threads > 1 { Par::rayon(threads) } else { Par::Seq }
 }
 
 /// Lower triangle of the permuted matrix by columns (diagonal first), with the place of each entry among the block values. `number`
 /// maps dofs to permuted numbers, `usize::MAX` for fixed ones.
-fn reduced_columns(
-    pattern: &BlockPattern,
-    number: &[usize],
-    dofs: usize,
-) -> (Vec<usize>, Vec<usize>, Vec<u32>) {
+fn reduced_columns(pattern: &BlockPattern, number: &[usize], dofs: usize) -> (Vec<usize>, Vec<usize>, Vec<u32>) {
     let d = pattern.block();
     let visit = |mut entry: Box<dyn FnMut(usize, usize, usize) + '_>| {
         for column in 0..pattern.points() {
@@ -474,11 +405,7 @@ fn reduced_columns(
     // The diagonal takes the first place of its column.
     let mut next: Vec<usize> = starts[..dofs].iter().map(|s| s + 1).collect();
     visit(Box::new(|row, column, source| {
-        let place = if row == column {
-            starts[column]
-        } else {
-            next[column]
-        };
+        let place = if row == column { starts[column] } else { next[column] };
         next[column] += usize::from(row != column);
         rows[place] = row;
         sources[place] = source as u32;
@@ -510,18 +437,11 @@ fn minimum_degree(graph: &Graph) -> Option<Vec<u32>> {
     let n = graph.len();
     let (mut starts, mut rows) = (vec![0usize], Vec::new());
     for p in 0..n {
-        rows.extend(
-            graph
-                .neighbors(p)
-                .iter()
-                .map(|&q| q as usize)
-                .filter(|&q| q < p),
-        );
+        rows.extend(graph.neighbors(p).iter().map(|&q| q as usize).filter(|&q| q < p));
         starts.push(rows.len());
     }
     let upper = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &starts, None, &rows);
-    let mut memory =
-        MemBuffer::try_new(amd::order_maybe_unsorted_scratch::<usize>(n, rows.len())).ok()?;
+    let mut memory = MemBuffer::try_new(amd::order_maybe_unsorted_scratch::<usize>(n, rows.len())).ok()?;
     let (mut order, mut inverse) = (vec![0usize; n], vec![0usize; n]);
     let stack = MemStack::new(&mut memory);
     amd::order_maybe_unsorted(&mut order, &mut inverse, upper, Default::default(), stack).ok()?;
@@ -538,25 +458,14 @@ fn fill(graph: &Graph, order: &[u32]) -> Option<(usize, Vec<u32>)> {
     }
     let (mut starts, mut rows) = (vec![0usize], Vec::new());
     for (k, &p) in order.iter().enumerate() {
-        rows.extend(
-            graph
-                .neighbors(p as usize)
-                .iter()
-                .map(|&q| number[q as usize])
-                .filter(|&q| q < k),
-        );
+        rows.extend(graph.neighbors(p as usize).iter().map(|&q| number[q as usize]).filter(|&q| q < k));
         starts.push(rows.len());
     }
     let upper = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &starts, None, &rows);
     let request = simplicial::prefactorize_symbolic_cholesky_scratch::<usize>(n, rows.len());
     let mut memory = MemBuffer::try_new(request).ok()?;
     let (mut tree, mut counts) = (vec![0isize; n], vec![0usize; n]);
-    simplicial::prefactorize_symbolic_cholesky(
-        &mut tree,
-        &mut counts,
-        upper,
-        MemStack::new(&mut memory),
-    );
+    simplicial::prefactorize_symbolic_cholesky(&mut tree, &mut counts, upper, MemStack::new(&mut memory));
     // Children in ascending order, by lists built backwards; a root has the parent −1.
     let (mut first_child, mut next_sibling) = (vec![n; n + 1], vec![n; n]);
     for k in (0..n).rev() {

@@ -17,9 +17,7 @@
 //! is kept below 1.9.
 
 use crate::eigen::{self, EigenError};
-use crate::load_steps::{
-    Equilibrated, Equilibrium, EquilibriumError, ROUND_OFF_RESIDUAL, Scale, residual, worst_dof,
-};
+use crate::load_steps::{Equilibrated, Equilibrium, EquilibriumError, ROUND_OFF_RESIDUAL, Scale, residual, worst_dof};
 use crate::observe::{Cancel, cancelled};
 use crate::problem::{Statics, Stop};
 
@@ -38,12 +36,7 @@ pub struct DynamicRelaxationOptions {
 
 impl Default for DynamicRelaxationOptions {
     fn default() -> Self {
-        Self {
-            tolerance: 1e-4,
-            max_steps: 100_000,
-            margin: 1.2,
-            renew_every: 1000,
-        }
+        Self { tolerance: 1e-4, max_steps: 100_000, margin: 1.2, renew_every: 1000 }
     }
 }
 
@@ -63,20 +56,11 @@ pub struct DynamicRelaxation {
 impl DynamicRelaxation {
     /// A method with these options.
     pub fn new(options: DynamicRelaxationOptions) -> Self {
-        Self {
-            options,
-            stale: true,
-            ..Self::default()
-        }
+        Self { options, stale: true, ..Self::default() }
     }
 
     /// The fictitious mass at the state `u`.
-    fn renew_mass(
-        &mut self,
-        problem: &mut dyn Statics,
-        t: f64,
-        u: &[f64],
-    ) -> Result<(), EquilibriumError> {
+    fn renew_mass(&mut self, problem: &mut dyn Statics, t: f64, u: &[f64]) -> Result<(), EquilibriumError> {
         let d = problem.dofs_per_point();
         self.blocks.resize(u.len() * d, 0.0);
         problem.block_diagonal(t, u, &mut self.blocks)?;
@@ -93,11 +77,7 @@ impl DynamicRelaxation {
         let mean = if sum > 0.0 { sum / count } else { 1.0 };
         // Points that all bonds have left still need a mass.
         for mass in &mut self.mass {
-            *mass = if mass.is_finite() {
-                mass.max(1e-3 * mean)
-            } else {
-                mean
-            };
+            *mass = if mass.is_finite() { mass.max(1e-3 * mean) } else { mean };
         }
         let product = |x: &[f64], y: &mut [f64]| problem.tangent_product(t, u, x, y);
         let largest = match eigen::largest_eigenvalue(product, &self.mass, &fixed, 2e-2) {
@@ -107,9 +87,7 @@ impl DynamicRelaxation {
             Err(EigenError::Evaluation(stop)) => return Err(stop.into()),
             Err(other) => return Err(Stop::new(other.to_string()).into()),
         };
-        self.mass
-            .iter_mut()
-            .for_each(|m| *m *= 0.25 * largest * self.options.margin);
+        self.mass.iter_mut().for_each(|m| *m *= 0.25 * largest * self.options.margin);
         self.stale = false;
         Ok(())
     }
@@ -122,21 +100,13 @@ impl DynamicRelaxation {
                 continue;
             }
             let moved = u[k] - self.start[k];
-            let felt = if self.v[k] != 0.0 {
-                (self.before[k] - self.f[k]) / self.v[k]
-            } else {
-                0.0
-            };
+            let felt = if self.v[k] != 0.0 { (self.before[k] - self.f[k]) / self.v[k] } else { 0.0 };
             if felt > 0.0 && felt.is_finite() {
                 stiffness += moved * moved * felt;
             }
             mass += moved * moved * self.mass[k];
         }
-        if mass > 0.0 {
-            (2.0 * (stiffness / mass).sqrt()).min(1.9)
-        } else {
-            0.0
-        }
+        if mass > 0.0 { (2.0 * (stiffness / mass).sqrt()).min(1.9) } else { 0.0 }
     }
 }
 
@@ -179,14 +149,7 @@ impl Equilibrium for DynamicRelaxation {
                 history.push(relative);
             }
             let done = |at_round_off, history| {
-                Ok(Equilibrated {
-                    iterations,
-                    residual: relative,
-                    history,
-                    at_round_off,
-                    solver: NAME,
-                    ..Default::default()
-                })
+                Ok(Equilibrated { iterations, residual: relative, history, at_round_off, solver: NAME, ..Default::default() })
             };
             if relative <= self.options.tolerance {
                 return done(false, history);
@@ -203,11 +166,7 @@ impl Equilibrium for DynamicRelaxation {
                 return done(true, history);
             }
             if iterations >= self.options.max_steps || relative.is_nan() {
-                let reason = if relative.is_nan() {
-                    "the residual is not a number"
-                } else {
-                    "too many steps"
-                };
+                let reason = if relative.is_nan() { "the residual is not a number" } else { "too many steps" };
                 return Err(EquilibriumError::NotConverged {
                     method: NAME,
                     reason: reason.into(),
@@ -235,29 +194,18 @@ impl Equilibrium for DynamicRelaxation {
                 let old = std::mem::take(&mut self.mass);
                 self.renew_mass(problem, t, u)?;
                 if renewals > 0 {
-                    self.mass
-                        .iter_mut()
-                        .zip(&old)
-                        .for_each(|(m, old)| *m = m.max(*old));
+                    self.mass.iter_mut().zip(&old).for_each(|(m, old)| *m = m.max(*old));
                 }
             }
             // The first step, and every step from rest, is a half one: v^{½} = h f / (2 M).
             let at_rest = iterations == 0 || unstable;
-            let c = if at_rest {
-                0.0
-            } else {
-                self.damping(u, &fixed)
-            };
+            let c = if at_rest { 0.0 } else { self.damping(u, &fixed) };
             for k in 0..u.len() {
                 if fixed[k] {
                     continue;
                 }
                 let kick = self.f[k] / self.mass[k];
-                self.v[k] = if at_rest {
-                    0.5 * kick
-                } else {
-                    ((2.0 - c) * self.v[k] + 2.0 * kick) / (2.0 + c)
-                };
+                self.v[k] = if at_rest { 0.5 * kick } else { ((2.0 - c) * self.v[k] + 2.0 * kick) / (2.0 + c) };
                 u[k] += self.v[k];
             }
         }

@@ -32,9 +32,7 @@ pub enum EigenError {
         mass: f64,
     },
     /// The largest eigenvalue is zero, negative or not a number.
-    #[error(
-        "the largest eigenvalue of the stiffness is {value}: there is no positive stiffness, or a state that is not a number"
-    )]
+    #[error("the largest eigenvalue of the stiffness is {value}: there is no positive stiffness, or a state that is not a number")]
     NoStiffness {
         /// The value found.
         value: f64,
@@ -69,10 +67,7 @@ const SEED: u64 = 0x0050_4552_4944_594E;
 
 fn check_mass(mass: &[f64], fixed: &[bool]) -> Result<(), EigenError> {
     match (0..mass.len()).find(|&k| !fixed[k] && (mass[k] <= 0.0 || !mass[k].is_finite())) {
-        Some(dof) => Err(EigenError::Mass {
-            dof,
-            mass: mass[dof],
-        }),
+        Some(dof) => Err(EigenError::Mass { dof, mass: mass[dof] }),
         None => Ok(()),
     }
 }
@@ -94,11 +89,7 @@ pub fn largest_eigenvalue(
     if free == 0 {
         return Err(EigenError::TooFewDofs { asked: 1, free });
     }
-    let root: Vec<f64> = mass
-        .iter()
-        .zip(fixed)
-        .map(|(m, f)| if *f { 0.0 } else { m.sqrt().recip() })
-        .collect();
+    let root: Vec<f64> = mass.iter().zip(fixed).map(|(m, f)| if *f { 0.0 } else { m.sqrt().recip() }).collect();
     let (mut previous, mut current, mut next) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let mut scaled = vec![0.0; n];
     vector::fill_seeded(&mut current, SEED);
@@ -126,10 +117,7 @@ pub fn largest_eigenvalue(
             return Err(EigenError::NoStiffness { value: f64::NAN });
         }
         let count = alphas.len();
-        let scale = alphas
-            .iter()
-            .chain(&betas)
-            .fold(0.0f64, |s, x| s.max(x.abs()));
+        let scale = alphas.iter().chain(&betas).fold(0.0f64, |s, x| s.max(x.abs()));
         let exhausted = count >= free || beta <= 1e-14 * scale;
         if exhausted || count >= MOST_PRODUCTS || count.is_multiple_of(4) {
             let (value, last) = largest_of_tridiagonal(&alphas, &betas);
@@ -138,11 +126,7 @@ pub fn largest_eigenvalue(
                 if value <= 0.0 || value.is_nan() {
                     return Err(EigenError::NoStiffness { value });
                 }
-                return Ok(LargestEigenvalue {
-                    value,
-                    upper: value + residual,
-                    iterations: count,
-                });
+                return Ok(LargestEigenvalue { value, upper: value + residual, iterations: count });
             }
         }
         betas.push(beta);
@@ -162,9 +146,7 @@ fn largest_of_tridiagonal(alphas: &[f64], betas: &[f64]) -> (f64, f64) {
     z[0] = 1.0;
     for l in 0..n {
         for _ in 0..60 {
-            let m = (l..n - 1)
-                .find(|&m| e[m].abs() <= f64::EPSILON * (d[m].abs() + d[m + 1].abs()))
-                .unwrap_or(n - 1);
+            let m = (l..n - 1).find(|&m| e[m].abs() <= f64::EPSILON * (d[m].abs() + d[m + 1].abs())).unwrap_or(n - 1);
             if m == l {
                 break;
             }
@@ -241,16 +223,13 @@ pub fn lowest_modes(
     if count == 0 || count > free {
         return Err(EigenError::TooFewDofs { asked: count, free });
     }
-    let mut factor =
-        SparseCholesky::analyze(stiffness.pattern().clone(), positions, fixed, threads)?;
+    let mut factor = SparseCholesky::analyze(stiffness.pattern().clone(), positions, fixed, threads)?;
     let addition: Vec<f64> = mass.iter().map(|m| shift * m).collect();
     factor.factor(stiffness, Some(&addition))?;
     let size = (2 * count).max(count + 8).min(free);
     let mut basis = vec![0.0; n * size];
     vector::fill_seeded(&mut basis, SEED);
-    basis
-        .chunks_mut(n)
-        .for_each(|x| vector::clear_fixed(x, fixed));
+    basis.chunks_mut(n).for_each(|x| vector::clear_fixed(x, fixed));
     let (mut weighted, mut images) = (vec![0.0; n * size], vec![0.0; n * size]);
     let mut values = vec![0.0; size];
     for iteration in 1..=MOST_ITERATIONS {
@@ -274,12 +253,9 @@ pub fn lowest_modes(
                 reduced[(b, a)] = value;
             }
         }
-        let decomposition = reduced.self_adjoint_eigen(faer::Side::Lower).map_err(|_| {
-            EigenError::NotConverged {
-                iterations: iteration,
-                change: f64::NAN,
-            }
-        })?;
+        let decomposition = reduced
+            .self_adjoint_eigen(faer::Side::Lower)
+            .map_err(|_| EigenError::NotConverged { iterations: iteration, change: f64::NAN })?;
         let mut change = 0.0f64;
         for k in 0..size {
             let value = decomposition.S()[k];
@@ -297,17 +273,10 @@ pub fn lowest_modes(
         if (iteration > 1 && change <= tolerance) || size == free {
             values.truncate(count);
             basis.truncate(count * n);
-            return Ok(Modes {
-                values,
-                vectors: basis,
-                iterations: iteration,
-            });
+            return Ok(Modes { values, vectors: basis, iterations: iteration });
         }
         if iteration == MOST_ITERATIONS {
-            return Err(EigenError::NotConverged {
-                iterations: iteration,
-                change,
-            });
+            return Err(EigenError::NotConverged { iterations: iteration, change });
         }
     }
     unreachable!("the last iteration returns")
@@ -342,10 +311,5 @@ fn orthonormalize(columns: &mut [f64], mass: &[f64], fixed: &[bool], n: usize) {
 }
 
 fn mass_norm(x: &[f64], mass: &[f64]) -> f64 {
-    x.iter()
-        .zip(mass)
-        .filter(|(x, _)| **x != 0.0)
-        .map(|(x, m)| m * x * x)
-        .sum::<f64>()
-        .sqrt()
+    x.iter().zip(mass).filter(|(x, _)| **x != 0.0).map(|(x, m)| m * x * x).sum::<f64>().sqrt()
 }

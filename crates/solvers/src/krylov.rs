@@ -37,8 +37,7 @@ impl BlockJacobi {
     /// Where `blocks` does not hold `block²` entries for each `block` dofs.
     pub fn new(block: usize, blocks: &[f64], fixed: &[bool]) -> Self {
         assert_eq!(blocks.len(), fixed.len() * block);
-        let diagonal =
-            |k: usize| blocks[(k / block) * block * block + (k % block) * (block + 1)].abs();
+        let diagonal = |k: usize| blocks[(k / block) * block * block + (k % block) * (block + 1)].abs();
         let (mut sum, mut count) = (0.0, 0.0);
         for k in (0..fixed.len()).filter(|&k| !fixed[k] && diagonal(k).is_finite()) {
             sum += diagonal(k);
@@ -194,13 +193,7 @@ impl ConjugateGradients {
         r.copy_from_slice(b);
         vector::clear_fixed(r, fixed);
         let scale = vector::norm(r);
-        let report = |iterations, residual: f64, end| {
-            Ok(KrylovReport {
-                iterations,
-                residual,
-                end,
-            })
-        };
+        let report = |iterations, residual: f64, end| Ok(KrylovReport { iterations, residual, end });
         if scale == 0.0 {
             return report(0, 0.0, KrylovEnd::Converged);
         }
@@ -256,12 +249,7 @@ pub struct Gmres {
 impl Gmres {
     /// With so many products between restarts (at least 1).
     pub fn new(restart: usize) -> Self {
-        Self {
-            restart: restart.max(1),
-            basis: Vec::new(),
-            images: Vec::new(),
-            work: Vec::new(),
-        }
+        Self { restart: restart.max(1), basis: Vec::new(), images: Vec::new(), work: Vec::new() }
     }
 
     /// Solves `A x = b` from `x = 0`.
@@ -285,13 +273,7 @@ impl Gmres {
         self.work.copy_from_slice(b);
         vector::clear_fixed(&mut self.work, fixed);
         let scale = vector::norm(&self.work);
-        let report = |iterations, residual: f64, end| {
-            Ok(KrylovReport {
-                iterations,
-                residual,
-                end,
-            })
-        };
+        let report = |iterations, residual: f64, end| Ok(KrylovReport { iterations, residual, end });
         if scale == 0.0 {
             return report(0, 0.0, KrylovEnd::Converged);
         }

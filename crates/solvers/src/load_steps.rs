@@ -102,9 +102,7 @@ impl EquilibriumError {
     pub fn worst_dof(&self) -> Option<usize> {
         match self {
             Self::NotConverged { worst_dof, .. } => Some(*worst_dof),
-            Self::Direct(
-                DirectError::NotPositiveDefinite { dof } | DirectError::Inaccurate { dof, .. },
-            ) => Some(*dof),
+            Self::Direct(DirectError::NotPositiveDefinite { dof } | DirectError::Inaccurate { dof, .. }) => Some(*dof),
             _ => None,
         }
     }
@@ -125,12 +123,7 @@ pub(crate) fn worst_dof(f: &[f64], fixed: &[bool]) -> usize {
 }
 
 /// `force`, with fixed entries set to zero; returns its norm.
-pub(crate) fn residual(
-    problem: &mut dyn Statics,
-    t: f64,
-    u: &[f64],
-    f: &mut [f64],
-) -> Result<f64, Stop> {
+pub(crate) fn residual(problem: &mut dyn Statics, t: f64, u: &[f64], f: &mut [f64]) -> Result<f64, Stop> {
     problem.force(t, u, f)?;
     vector::clear_fixed(f, problem.fixed());
     Ok(vector::norm(f))
@@ -176,9 +169,7 @@ pub struct LoadSteps {
 #[non_exhaustive]
 pub enum StaticsError {
     /// The program itself is not usable.
-    #[error(
-        "the load stations must be finite and ascending from {start}; station {index} is {value}"
-    )]
+    #[error("the load stations must be finite and ascending from {start}; station {index} is {value}")]
     Stations {
         /// Start of the program.
         start: f64,
@@ -188,9 +179,7 @@ pub enum StaticsError {
         value: f64,
     },
     /// No equilibrium, even for the smallest increment.
-    #[error(
-        "no equilibrium beyond load {time}: the increment was cut to {increment:.3e}, and {cause}"
-    )]
+    #[error("no equilibrium beyond load {time}: the increment was cut to {increment:.3e}, and {cause}")]
     Increment {
         /// Last load at equilibrium.
         time: f64,
@@ -231,25 +220,14 @@ impl LoadSteps {
     /// `steps` equal increments from `start` to `end`.
     pub fn uniform(start: f64, end: f64, steps: usize) -> Self {
         let at = |k: usize| {
-            if k == steps {
-                end
-            } else {
-                start + (end - start) * (k as f64 / steps as f64)
-            }
+            if k == steps { end } else { start + (end - start) * (k as f64 / steps as f64) }
         };
         Self::at((1..=steps).map(at).collect(), start)
     }
 
     /// Given stations.
     pub fn at(stations: Vec<f64>, start: f64) -> Self {
-        Self {
-            start,
-            stations,
-            largest_increment: None,
-            smallest_fraction: 1e-4,
-            easy_iterations: 6,
-            most_breakings: 10_000,
-        }
+        Self { start, stations, largest_increment: None, smallest_fraction: 1e-4, easy_iterations: 6, most_breakings: 10_000 }
     }
 
     /// Follows the program from the equilibrium `u` at [`start`](Self::start).
@@ -271,15 +249,8 @@ impl LoadSteps {
         let start = self.start;
         let mut before = start;
         for (index, &value) in self.stations.iter().enumerate() {
-            if !(value.is_finite()
-                && start.is_finite()
-                && (value > before || index == 0 && value == start))
-            {
-                return Err(StaticsError::Stations {
-                    start,
-                    index,
-                    value,
-                });
+            if !(value.is_finite() && start.is_finite() && (value > before || index == 0 && value == start)) {
+                return Err(StaticsError::Stations { start, index, value });
             }
             before = value;
         }
@@ -304,9 +275,7 @@ impl LoadSteps {
                 trial.copy_from_slice(u);
                 let outcome = match cancelled(cancel) {
                     true => Err(Failure::Equilibrium(EquilibriumError::Cancelled)),
-                    false => {
-                        self.equilibrium(&mut &mut *problem, method, target, &mut trial, cancel)
-                    }
+                    false => self.equilibrium(&mut &mut *problem, method, target, &mut trial, cancel),
                 };
                 match outcome {
                     Ok(mut report) => {
@@ -314,15 +283,11 @@ impl LoadSteps {
                         step += 1;
                         (report.step, report.increment, report.cuts) = (step, target - time, cuts);
                         report.station = target == station;
-                        if report.iterations <= self.easy_iterations * report.equilibria
-                            && increment.is_finite()
-                        {
+                        if report.iterations <= self.easy_iterations * report.equilibria && increment.is_finite() {
                             increment *= 2.0;
                         }
                         (time, cuts) = (target, 0);
-                        problem
-                            .accept(time, u)
-                            .map_err(|stop| StaticsError::Stopped { time, stop })?;
+                        problem.accept(time, u).map_err(|stop| StaticsError::Stopped { time, stop })?;
                         if observer.step(&report, problem, u, &[]) == ControlFlow::Break(()) {
                             return Ok(Ended::Observer);
                         }
@@ -338,16 +303,8 @@ impl LoadSteps {
                         cuts += 1;
                         if increment < smallest || increment == 0.0 || time + increment == time {
                             return Err(match failure {
-                                Failure::Equilibrium(cause) => StaticsError::Increment {
-                                    time,
-                                    increment: tried,
-                                    cause,
-                                },
-                                Failure::Breaking { passes, broken } => StaticsError::Breaking {
-                                    time,
-                                    passes,
-                                    broken,
-                                },
+                                Failure::Equilibrium(cause) => StaticsError::Increment { time, increment: tried, cause },
+                                Failure::Breaking { passes, broken } => StaticsError::Breaking { time, passes, broken },
                             });
                         }
                     }
@@ -369,32 +326,22 @@ impl LoadSteps {
         u: &mut [f64],
         cancel: Cancel<'_>,
     ) -> Result<StepReport, Failure> {
-        let mut report = StepReport {
-            time: t,
-            ..Default::default()
-        };
+        let mut report = StepReport { time: t, ..Default::default() };
         loop {
-            let found = method
-                .equilibrate(problem, t, u, cancel)
-                .map_err(Failure::Equilibrium)?;
+            let found = method.equilibrate(problem, t, u, cancel).map_err(Failure::Equilibrium)?;
             report.equilibria += 1;
             report.iterations += found.iterations;
             report.linear_iterations += found.linear_iterations;
             report.residual = found.residual;
             report.solver = found.solver;
-            let broken = problem
-                .break_bonds(t, u)
-                .map_err(|stop| Failure::Equilibrium(stop.into()))?;
+            let broken = problem.break_bonds(t, u).map_err(|stop| Failure::Equilibrium(stop.into()))?;
             if broken == 0 {
                 return Ok(report);
             }
             report.broken += broken;
             method.force_law_changed();
             if report.equilibria > self.most_breakings {
-                return Err(Failure::Breaking {
-                    passes: report.equilibria,
-                    broken: report.broken,
-                });
+                return Err(Failure::Breaking { passes: report.equilibria, broken: report.broken });
             }
         }
     }

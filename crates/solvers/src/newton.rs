@@ -18,12 +18,8 @@
 use std::sync::Arc;
 
 use crate::direct::{DirectError, SparseCholesky};
-use crate::krylov::{
-    BlockJacobi, ConjugateGradients, Gmres, KrylovEnd, KrylovOptions, KrylovReport,
-};
-use crate::load_steps::{
-    Equilibrated, Equilibrium, EquilibriumError, ROUND_OFF_RESIDUAL, Scale, residual, worst_dof,
-};
+use crate::krylov::{BlockJacobi, ConjugateGradients, Gmres, KrylovEnd, KrylovOptions, KrylovReport};
+use crate::load_steps::{Equilibrated, Equilibrium, EquilibriumError, ROUND_OFF_RESIDUAL, Scale, residual, worst_dof};
 use crate::observe::{Cancel, cancelled};
 use crate::problem::{Statics, Stop};
 use crate::sparse::{BlockMatrix, BlockPattern};
@@ -135,16 +131,7 @@ impl Newton {
             name: "",
         };
         let empty = Vec::new;
-        Self {
-            options,
-            linear,
-            f: empty(),
-            trial_f: empty(),
-            trial: empty(),
-            direction: empty(),
-            right: empty(),
-            moved: empty(),
-        }
+        Self { options, linear, f: empty(), trial_f: empty(), trial: empty(), direction: empty(), right: empty(), moved: empty() }
     }
 
     /// The direct solver in use, if any: for reports on fill and ordering.
@@ -153,26 +140,14 @@ impl Newton {
     }
 
     fn resize(&mut self, n: usize) {
-        for work in [
-            &mut self.f,
-            &mut self.trial_f,
-            &mut self.trial,
-            &mut self.direction,
-            &mut self.right,
-            &mut self.moved,
-        ] {
+        for work in [&mut self.f, &mut self.trial_f, &mut self.trial, &mut self.direction, &mut self.right, &mut self.moved] {
             work.clear();
             work.resize(n, 0.0);
         }
     }
 
     /// One solution with the stiffness of the reference configuration.
-    fn linear_solution(
-        &mut self,
-        problem: &mut dyn Statics,
-        t: f64,
-        u: &mut [f64],
-    ) -> Result<Equilibrated, EquilibriumError> {
+    fn linear_solution(&mut self, problem: &mut dyn Statics, t: f64, u: &mut [f64]) -> Result<Equilibrated, EquilibriumError> {
         self.trial.fill(0.0);
         u.fill(0.0);
         problem.prescribe(t, u);
@@ -183,19 +158,8 @@ impl Newton {
         problem.tangent_product(t, &self.trial, u, &mut self.trial_f)?;
         vector::clear_fixed(&mut self.trial_f, problem.fixed());
         vector::add_scaled(&mut self.right, -1.0, &self.trial_f);
-        let options = KrylovOptions {
-            tolerance: self.options.tolerance,
-            max_iterations: self.options.max_linear_iterations,
-        };
-        let reached = self.linear.solve(
-            problem,
-            t,
-            &self.trial,
-            &self.right,
-            &mut self.direction,
-            options,
-            true,
-        )?;
+        let options = KrylovOptions { tolerance: self.options.tolerance, max_iterations: self.options.max_linear_iterations };
+        let reached = self.linear.solve(problem, t, &self.trial, &self.right, &mut self.direction, options, true)?;
         vector::add_scaled(u, 1.0, &self.direction);
         Ok(Equilibrated {
             iterations: 1,
@@ -208,12 +172,7 @@ impl Newton {
     }
 
     /// Moves the fixed dofs to `t` and the free ones with them, as the tangent says.
-    fn predict(
-        &mut self,
-        problem: &mut dyn Statics,
-        t: f64,
-        u: &mut [f64],
-    ) -> Result<(), EquilibriumError> {
+    fn predict(&mut self, problem: &mut dyn Statics, t: f64, u: &mut [f64]) -> Result<(), EquilibriumError> {
         self.trial.copy_from_slice(u);
         problem.prescribe(t, &mut self.trial);
         let fixed = problem.fixed();
@@ -229,19 +188,8 @@ impl Newton {
         problem.tangent_product(t, u, &self.moved, &mut self.trial_f)?;
         vector::clear_fixed(&mut self.trial_f, problem.fixed());
         vector::add_scaled(&mut self.right, -1.0, &self.trial_f);
-        let options = KrylovOptions {
-            tolerance: 1e-4,
-            max_iterations: self.options.max_linear_iterations,
-        };
-        let solved = self.linear.solve(
-            problem,
-            t,
-            u,
-            &self.right,
-            &mut self.direction,
-            options,
-            false,
-        );
+        let options = KrylovOptions { tolerance: 1e-4, max_iterations: self.options.max_linear_iterations };
+        let solved = self.linear.solve(problem, t, u, &self.right, &mut self.direction, options, false);
         vector::add_scaled(u, 1.0, &self.moved);
         match solved {
             Ok(_) => {}
@@ -299,16 +247,14 @@ impl Newton {
                 }
             };
             let s = vector::dot(&self.trial_f, &self.direction);
-            let mut take = scale.relative(problem, reached) <= self.options.tolerance
-                || (s.abs() <= ENOUGH * slope && reached < norm);
+            let mut take = scale.relative(problem, reached) <= self.options.tolerance || (s.abs() <= ENOUGH * slope && reached < norm);
             if !take && (s >= 0.0 || s.abs() <= ENOUGH * slope) {
                 let start = *start_energy.get_or_insert_with(|| problem.energy(t, u));
                 let falls = match (start, problem.energy(t, &self.trial)) {
                     (Some(start), Some(end)) => {
                         let wanted = 1e-4 * a * slope;
                         // Below this the difference of the two energies is noise.
-                        wanted <= 64.0 * f64::EPSILON * start.abs().max(end.abs())
-                            || end <= start - wanted
+                        wanted <= 64.0 * f64::EPSILON * start.abs().max(end.abs()) || end <= start - wanted
                     }
                     (Some(_), None) => false,
                     (None, _) => true,
@@ -320,11 +266,7 @@ impl Newton {
                 std::mem::swap(&mut self.f, &mut self.trial_f);
                 return Ok(reached);
             }
-            a *= if s < 0.0 {
-                (slope / (slope - s)).clamp(0.1, 0.7)
-            } else {
-                0.5
-            };
+            a *= if s < 0.0 { (slope / (slope - s)).clamp(0.1, 0.7) } else { 0.5 };
         }
         Err(stop)
     }
@@ -366,23 +308,16 @@ impl Equilibrium for Newton {
             if relative <= self.options.tolerance {
                 return done(false, history, &self.linear);
             }
-            let failed = |reason: &str, history: Vec<f64>, f: &[f64], fixed: &[bool]| {
-                EquilibriumError::NotConverged {
-                    method: "Newton's method",
-                    reason: reason.into(),
-                    iterations,
-                    residual: relative,
-                    worst_dof: worst_dof(f, fixed),
-                    history,
-                }
+            let failed = |reason: &str, history: Vec<f64>, f: &[f64], fixed: &[bool]| EquilibriumError::NotConverged {
+                method: "Newton's method",
+                reason: reason.into(),
+                iterations,
+                residual: relative,
+                worst_dof: worst_dof(f, fixed),
+                history,
             };
             if !relative.is_finite() {
-                return Err(failed(
-                    "the residual is not a number",
-                    history,
-                    &self.f,
-                    problem.fixed(),
-                ));
+                return Err(failed("the residual is not a number", history, &self.f, problem.fixed()));
             }
             // Two steps without a real gain near the limit of the arithmetic: this is it.
             if relative <= ROUND_OFF_RESIDUAL
@@ -393,12 +328,7 @@ impl Equilibrium for Newton {
                 return done(true, history, &self.linear);
             }
             if iterations >= self.options.max_iterations {
-                return Err(failed(
-                    "too many iterations",
-                    history,
-                    &self.f,
-                    problem.fixed(),
-                ));
+                return Err(failed("too many iterations", history, &self.f, problem.fixed()));
             }
             if cancelled(cancel) {
                 return Err(EquilibriumError::Cancelled);
@@ -408,13 +338,10 @@ impl Equilibrium for Newton {
                 forcing = (0.9 * (b / a) * (b / a)).clamp(1e-6, 0.1);
             }
             let options = KrylovOptions {
-                tolerance: forcing
-                    .max(0.3 * self.options.tolerance / relative)
-                    .min(0.1),
+                tolerance: forcing.max(0.3 * self.options.tolerance / relative).min(0.1),
                 max_iterations: self.options.max_linear_iterations,
             };
-            self.linear
-                .solve(problem, t, u, &self.f, &mut self.direction, options, false)?;
+            self.linear.solve(problem, t, u, &self.f, &mut self.direction, options, false)?;
             let mut slope = vector::dot(&self.f, &self.direction);
             if slope < 0.0 {
                 // GMRES solves an indefinite system as it is; turned around, its direction leads downhill.
@@ -426,12 +353,7 @@ impl Equilibrium for Newton {
                 if relative <= ROUND_OFF_RESIDUAL {
                     return done(true, history, &self.linear);
                 }
-                return Err(failed(
-                    "the Newton direction is not one of descent",
-                    history,
-                    &self.f,
-                    problem.fixed(),
-                ));
+                return Err(failed("the Newton direction is not one of descent", history, &self.f, problem.fixed()));
             }
             norm = match self.search(problem, t, u, slope, norm, &mut scale) {
                 Ok(norm) => norm,
@@ -439,12 +361,7 @@ impl Equilibrium for Newton {
                     return done(true, history, &self.linear);
                 }
                 Err(None) => {
-                    return Err(failed(
-                        "no step along the Newton direction lowers the energy",
-                        history,
-                        &self.f,
-                        problem.fixed(),
-                    ));
+                    return Err(failed("no step along the Newton direction lowers the energy", history, &self.f, problem.fixed()));
                 }
                 Err(Some(stop)) => return Err(stop.into()),
             };
@@ -484,37 +401,18 @@ impl Linear {
         let Some(pattern) = problem.pattern() else {
             return match automatic {
                 true => Ok(false),
-                false => Err(Stop::new(
-                    "this body does not assemble its stiffness: use conjugate gradients",
-                )
-                .into()),
+                false => Err(Stop::new("this body does not assemble its stiffness: use conjugate gradients").into()),
             };
         };
-        if automatic
-            && self
-                .refused
-                .as_ref()
-                .is_some_and(|refused| Arc::ptr_eq(refused, &pattern))
-        {
+        if automatic && self.refused.as_ref().is_some_and(|refused| Arc::ptr_eq(refused, &pattern)) {
             return Ok(false);
         }
-        if self
-            .cholesky
-            .as_ref()
-            .is_some_and(|c| c.serves(&pattern, problem.fixed()))
-        {
+        if self.cholesky.as_ref().is_some_and(|c| c.serves(&pattern, problem.fixed())) {
             return Ok(true);
         }
         (self.cholesky, self.reference_factor) = (None, false);
-        match SparseCholesky::analyze(
-            pattern.clone(),
-            problem.positions(),
-            problem.fixed(),
-            self.options.threads,
-        ) {
-            Ok(cholesky) if !automatic || cholesky.bytes() <= self.options.direct_bytes => {
-                self.cholesky = Some(cholesky)
-            }
+        match SparseCholesky::analyze(pattern.clone(), problem.positions(), problem.fixed(), self.options.threads) {
+            Ok(cholesky) if !automatic || cholesky.bytes() <= self.options.direct_bytes => self.cholesky = Some(cholesky),
             Ok(_) | Err(DirectError::OutOfMemory { .. }) if automatic => {
                 self.refused = Some(pattern);
                 return Ok(false);
@@ -522,11 +420,7 @@ impl Linear {
             Ok(_) => unreachable!("a direct solver that was asked for is taken"),
             Err(other) => return Err(other.into()),
         }
-        if self
-            .matrix
-            .as_ref()
-            .is_none_or(|m| !Arc::ptr_eq(m.pattern(), &pattern))
-        {
+        if self.matrix.as_ref().is_none_or(|m| !Arc::ptr_eq(m.pattern(), &pattern)) {
             self.matrix = Some(BlockMatrix::new(pattern));
         }
         Ok(true)
@@ -541,11 +435,7 @@ impl Linear {
         x: &mut [f64],
         reference: bool,
     ) -> Result<f64, EquilibriumError> {
-        self.name = if reference {
-            "linear, Cholesky"
-        } else {
-            "Newton, Cholesky"
-        };
+        self.name = if reference { "linear, Cholesky" } else { "Newton, Cholesky" };
         let (Some(cholesky), Some(matrix)) = (self.cholesky.as_mut(), self.matrix.as_mut()) else {
             unreachable!("`prepare_direct` made both");
         };
@@ -579,10 +469,7 @@ impl Linear {
             Err(other) => return Err(other.into()),
         }
         self.modified += 1;
-        let first = SHIFTS
-            .iter()
-            .position(|s| *s >= 0.1 * self.shift)
-            .unwrap_or(0);
+        let first = SHIFTS.iter().position(|s| *s >= 0.1 * self.shift).unwrap_or(0);
         let mut applied = 1.0;
         for &shift in &SHIFTS[first..] {
             // What was added for the last shift is scaled up to this one.
@@ -597,8 +484,7 @@ impl Linear {
                     self.shift = shift;
                     return Ok(cholesky.solve(b, x)?.residual);
                 }
-                Err(DirectError::NotPositiveDefinite { .. })
-                    if shift < SHIFTS[SHIFTS.len() - 1] => {}
+                Err(DirectError::NotPositiveDefinite { .. }) if shift < SHIFTS[SHIFTS.len() - 1] => {}
                 Err(other) => return Err(other.into()),
             }
         }
@@ -622,12 +508,10 @@ impl Linear {
         let product = |x: &[f64], y: &mut [f64]| problem.tangent_product(t, u, x, y);
         let report: KrylovReport = if let LinearSolver::Gmres { .. } = self.options.solver {
             self.name = "Newton, GMRES";
-            self.gmres
-                .solve(product, &mut preconditioner, &fixed, b, x, options)?
+            self.gmres.solve(product, &mut preconditioner, &fixed, b, x, options)?
         } else {
             self.name = "Newton, conjugate gradients";
-            self.conjugate_gradients
-                .solve(product, &mut preconditioner, &fixed, b, x, options)?
+            self.conjugate_gradients.solve(product, &mut preconditioner, &fixed, b, x, options)?
         };
         self.iterations += report.iterations;
         match report.end {
@@ -636,10 +520,7 @@ impl Linear {
             // A half-solved system is still a direction; round-off may keep the last digits out of reach.
             _ if report.residual <= 0.1 && !self.options.linear => {}
             _ => {
-                return Err(EquilibriumError::Krylov {
-                    iterations: report.iterations,
-                    residual: report.residual,
-                });
+                return Err(EquilibriumError::Krylov { iterations: report.iterations, residual: report.residual });
             }
         }
         Ok(report.residual)

@@ -5,9 +5,7 @@
 //! product, then by secants. Fixed dofs are moved together with the free ones as in [`crate::newton`], by a rough linear solution.
 
 use crate::krylov::{BlockJacobi, ConjugateGradients, KrylovOptions, Preconditioner};
-use crate::load_steps::{
-    Equilibrated, Equilibrium, EquilibriumError, ROUND_OFF_RESIDUAL, Scale, residual, worst_dof,
-};
+use crate::load_steps::{Equilibrated, Equilibrium, EquilibriumError, ROUND_OFF_RESIDUAL, Scale, residual, worst_dof};
 use crate::observe::{Cancel, cancelled};
 use crate::problem::Statics;
 use crate::vector;
@@ -27,12 +25,7 @@ pub struct NonlinearCgOptions {
 
 impl Default for NonlinearCgOptions {
     fn default() -> Self {
-        Self {
-            tolerance: 1e-6,
-            max_iterations: 20_000,
-            slope_ratio: 0.1,
-            restart: 200,
-        }
+        Self { tolerance: 1e-6, max_iterations: 20_000, slope_ratio: 0.1, restart: 200 }
     }
 }
 
@@ -57,18 +50,10 @@ const STAGNATION: usize = 400;
 impl NonlinearCg {
     /// A method with these options.
     pub fn new(options: NonlinearCgOptions) -> Self {
-        Self {
-            options,
-            ..Self::default()
-        }
+        Self { options, ..Self::default() }
     }
 
-    fn preconditioner(
-        &mut self,
-        problem: &mut dyn Statics,
-        t: f64,
-        u: &[f64],
-    ) -> Result<BlockJacobi, EquilibriumError> {
+    fn preconditioner(&mut self, problem: &mut dyn Statics, t: f64, u: &[f64]) -> Result<BlockJacobi, EquilibriumError> {
         let d = problem.dofs_per_point();
         self.blocks.resize(u.len() * d, 0.0);
         problem.block_diagonal(t, u, &mut self.blocks)?;
@@ -76,18 +61,11 @@ impl NonlinearCg {
     }
 
     /// Moves the fixed dofs to `t`, the free ones as the tangent says, to one per cent.
-    fn predict(
-        &mut self,
-        problem: &mut dyn Statics,
-        t: f64,
-        u: &mut [f64],
-    ) -> Result<(), EquilibriumError> {
+    fn predict(&mut self, problem: &mut dyn Statics, t: f64, u: &mut [f64]) -> Result<(), EquilibriumError> {
         self.trial.copy_from_slice(u);
         problem.prescribe(t, &mut self.trial);
         let fixed = problem.fixed().to_vec();
-        let moved: Vec<f64> = (0..u.len())
-            .map(|k| if fixed[k] { self.trial[k] - u[k] } else { 0.0 })
-            .collect();
+        let moved: Vec<f64> = (0..u.len()).map(|k| if fixed[k] { self.trial[k] - u[k] } else { 0.0 }).collect();
         if moved.iter().all(|x| *x == 0.0) {
             return Ok(());
         }
@@ -96,19 +74,9 @@ impl NonlinearCg {
         vector::clear_fixed(&mut self.trial_f, &fixed);
         vector::add_scaled(&mut self.f, -1.0, &self.trial_f);
         let mut preconditioner = self.preconditioner(problem, t, u)?;
-        let options = KrylovOptions {
-            tolerance: 1e-2,
-            max_iterations: 2000,
-        };
+        let options = KrylovOptions { tolerance: 1e-2, max_iterations: 2000 };
         let product = |x: &[f64], y: &mut [f64]| problem.tangent_product(t, u, x, y);
-        self.linear.solve(
-            product,
-            &mut preconditioner,
-            &fixed,
-            &self.f,
-            &mut self.d,
-            options,
-        )?;
+        self.linear.solve(product, &mut preconditioner, &fixed, &self.f, &mut self.d, options)?;
         vector::add_scaled(u, 1.0, &moved);
         vector::combine(&mut self.trial, u, 1.0, &self.d);
         let predicted = residual(problem, t, &self.trial, &mut self.trial_f);
@@ -125,22 +93,12 @@ impl NonlinearCg {
 
     /// Goes along `d` to where the slope has fallen enough; `u` and `f` are then those of the new state. Returns its residual norm,
     /// or `None` where no step lowers anything.
-    fn search(
-        &mut self,
-        problem: &mut dyn Statics,
-        t: f64,
-        u: &mut [f64],
-        slope: f64,
-    ) -> Result<Option<f64>, EquilibriumError> {
+    fn search(&mut self, problem: &mut dyn Statics, t: f64, u: &mut [f64], slope: f64) -> Result<Option<f64>, EquilibriumError> {
         problem.tangent_product(t, u, &self.d, &mut self.trial_f)?;
         vector::clear_fixed(&mut self.trial_f, problem.fixed());
         let curvature = vector::dot(&self.d, &self.trial_f);
         // Where the energy is not convex along d, the preconditioned gradient is a step of the right size.
-        let mut a = if curvature > 0.0 {
-            slope / curvature
-        } else {
-            1.0
-        };
+        let mut a = if curvature > 0.0 { slope / curvature } else { 1.0 };
         let (mut low, mut low_slope) = (0.0, slope);
         let mut high: Option<(f64, f64)> = None;
         let mut energy = None;
@@ -177,19 +135,11 @@ impl NonlinearCg {
             a = match high {
                 None => {
                     // Still going down: on by the secant, at most fourfold.
-                    let next = if low_slope < slope {
-                        a * slope / (slope - low_slope)
-                    } else {
-                        4.0 * a
-                    };
+                    let next = if low_slope < slope { a * slope / (slope - low_slope) } else { 4.0 * a };
                     next.clamp(1.2 * a, 4.0 * a)
                 }
                 Some((high, s)) => {
-                    let share = if s < 0.0 {
-                        low_slope / (low_slope - s)
-                    } else {
-                        0.5
-                    };
+                    let share = if s < 0.0 { low_slope / (low_slope - s) } else { 0.5 };
                     low + (high - low) * share.clamp(0.1, 0.9)
                 }
             };
@@ -220,13 +170,7 @@ impl Equilibrium for NonlinearCg {
         cancel: Cancel<'_>,
     ) -> Result<Equilibrated, EquilibriumError> {
         const NAME: &str = "nonlinear conjugate gradients";
-        for work in [
-            &mut self.f,
-            &mut self.trial_f,
-            &mut self.trial,
-            &mut self.z,
-            &mut self.d,
-        ] {
+        for work in [&mut self.f, &mut self.trial_f, &mut self.trial, &mut self.z, &mut self.d] {
             work.clear();
             work.resize(u.len(), 0.0);
         }
@@ -243,14 +187,7 @@ impl Equilibrium for NonlinearCg {
                 history.push(relative);
             }
             let done = |at_round_off, history| {
-                Ok(Equilibrated {
-                    iterations,
-                    residual: relative,
-                    history,
-                    at_round_off,
-                    solver: NAME,
-                    ..Default::default()
-                })
+                Ok(Equilibrated { iterations, residual: relative, history, at_round_off, solver: NAME, ..Default::default() })
             };
             if relative <= self.options.tolerance {
                 return done(false, history);
@@ -267,15 +204,14 @@ impl Equilibrium for NonlinearCg {
                 () if iterations >= self.options.max_iterations => Some("too many iterations"),
                 () => None,
             };
-            let failed =
-                |reason: &str, history, f: &[f64], fixed: &[bool]| EquilibriumError::NotConverged {
-                    method: NAME,
-                    reason: reason.into(),
-                    iterations,
-                    residual: relative,
-                    history,
-                    worst_dof: worst_dof(f, fixed),
-                };
+            let failed = |reason: &str, history, f: &[f64], fixed: &[bool]| EquilibriumError::NotConverged {
+                method: NAME,
+                reason: reason.into(),
+                iterations,
+                residual: relative,
+                history,
+                worst_dof: worst_dof(f, fixed),
+            };
             if let Some(reason) = reason {
                 return Err(failed(reason, history, &self.f, problem.fixed()));
             }
@@ -292,11 +228,7 @@ impl Equilibrium for NonlinearCg {
             let rho_before = rho;
             rho = vector::dot(&self.f, &self.z);
             let crossed = vector::dot(&self.trial_f, &self.z);
-            let beta = if since_restart == 0 {
-                0.0
-            } else {
-                ((rho - crossed) / rho_before).max(0.0)
-            };
+            let beta = if since_restart == 0 { 0.0 } else { ((rho - crossed) / rho_before).max(0.0) };
             vector::scale_and_add(&mut self.d, beta, &self.z);
             let mut slope = vector::dot(&self.f, &self.d);
             if slope <= 0.0 || beta == 0.0 {
@@ -312,12 +244,7 @@ impl Equilibrium for NonlinearCg {
                 }
                 None if relative <= ROUND_OFF_RESIDUAL => return done(true, history),
                 None => {
-                    return Err(failed(
-                        "no step along the gradient lowers the energy",
-                        history,
-                        &self.f,
-                        problem.fixed(),
-                    ));
+                    return Err(failed("no step along the gradient lowers the energy", history, &self.f, problem.fixed()));
                 }
             }
         }

@@ -35,13 +35,7 @@ pub struct StepReport {
 pub trait Observer<P: ?Sized> {
     /// Called with each accepted state: displacement `u`, velocity `v` (empty in statics). May ask the problem for what it knows, but
     /// must leave its state as it is. [`ControlFlow::Break`] ends the run after this step, without an error.
-    fn step(
-        &mut self,
-        report: &StepReport,
-        problem: &mut P,
-        u: &[f64],
-        v: &[f64],
-    ) -> ControlFlow<()>;
+    fn step(&mut self, report: &StepReport, problem: &mut P, u: &[f64], v: &[f64]) -> ControlFlow<()>;
 }
 
 /// Any closure of the right shape observes.
@@ -49,13 +43,7 @@ impl<P: ?Sized, F> Observer<P> for F
 where
     F: FnMut(&StepReport, &mut P, &[f64], &[f64]) -> ControlFlow<()>,
 {
-    fn step(
-        &mut self,
-        report: &StepReport,
-        problem: &mut P,
-        u: &[f64],
-        v: &[f64],
-    ) -> ControlFlow<()> {
+    fn step(&mut self, report: &StepReport, problem: &mut P, u: &[f64], v: &[f64]) -> ControlFlow<()> {
         self(report, problem, u, v)
     }
 }

@@ -25,15 +25,9 @@ impl Graph {
                 count += 1;
             }
         }
-        let couplings = || {
-            (0..pattern.points())
-                .filter(|&c| kept[c])
-                .flat_map(|c| pattern.column(c)[1..].iter().map(move |&r| (r, c)))
-        };
+        let couplings = || (0..pattern.points()).filter(|&c| kept[c]).flat_map(|c| pattern.column(c)[1..].iter().map(move |&r| (r, c)));
         let mut starts = vec![0usize; count as usize + 1];
-        let pairs = |number: &[u32], (row, column): (u32, usize)| {
-            (kept[row as usize]).then(|| (number[row as usize], number[column]))
-        };
+        let pairs = |number: &[u32], (row, column): (u32, usize)| (kept[row as usize]).then(|| (number[row as usize], number[column]));
         for pair in couplings() {
             if let Some((a, b)) = pairs(&number, pair) {
                 starts[a as usize + 1] += 1;
@@ -86,18 +80,8 @@ pub fn nested_dissection(graph: &Graph, positions: &[f64], dimension: usize) -> 
     assert_eq!(positions.len(), n * dimension);
     let mut order = vec![0; n];
     let mut points: Vec<u32> = (0..n as u32).collect();
-    let mut work = Work {
-        side: vec![OUTSIDE; n],
-        local: vec![0; n],
-    };
-    dissect(
-        graph,
-        positions,
-        dimension,
-        &mut points,
-        &mut order,
-        &mut work,
-    );
+    let mut work = Work { side: vec![OUTSIDE; n], local: vec![0; n] };
+    dissect(graph, positions, dimension, &mut points, &mut order, &mut work);
     order
 }
 
@@ -112,14 +96,7 @@ struct Work {
     local: Vec<u32>,
 }
 
-fn dissect(
-    graph: &Graph,
-    positions: &[f64],
-    dimension: usize,
-    points: &mut [u32],
-    order: &mut [u32],
-    work: &mut Work,
-) {
+fn dissect(graph: &Graph, positions: &[f64], dimension: usize, points: &mut [u32], order: &mut [u32], work: &mut Work) {
     let coordinate = |p: u32, axis: usize| positions[p as usize * dimension + axis];
     let sort = |points: &mut [u32], axis: usize| {
         // Ties by the other axes, then by number, so that the order is that of the geometry and the same on every run.
@@ -173,11 +150,7 @@ fn dissect(
     let (mut below, mut above) = (Vec::with_capacity(half), Vec::with_capacity(half));
     for (k, &p) in points.iter().enumerate() {
         if work.side[p as usize] == OUTSIDE {
-            if k < half {
-                below.push(p)
-            } else {
-                above.push(p)
-            }
+            if k < half { below.push(p) } else { above.push(p) }
         }
     }
     for &p in &separator {
@@ -186,11 +159,7 @@ fn dissect(
     let (first, rest) = order.split_at_mut(below.len());
     let (second, last) = rest.split_at_mut(above.len());
     last.copy_from_slice(&separator);
-    let across = if dimension > 1 {
-        (axis + 1) % dimension
-    } else {
-        0
-    };
+    let across = if dimension > 1 { (axis + 1) % dimension } else { 0 };
     sort(last, across);
     dissect(graph, positions, dimension, &mut below, first, work);
     dissect(graph, positions, dimension, &mut above, second, work);
@@ -229,9 +198,7 @@ fn minimum_degree(graph: &Graph, points: &[u32], order: &mut [u32], work: &mut W
     let mut left: Vec<u32> = (0..n as u32).collect();
     let mut own = vec![0u64; words];
     for target in order.iter_mut() {
-        let place = (0..left.len())
-            .min_by_key(|&k| (degree[left[k] as usize], left[k]))
-            .expect("one is left");
+        let place = (0..left.len()).min_by_key(|&k| (degree[left[k] as usize], left[k])).expect("one is left");
         let k = left.swap_remove(place) as usize;
         *target = points[k];
         own.copy_from_slice(&sets[k * words..(k + 1) * words]);
@@ -258,12 +225,7 @@ fn separator(graph: &Graph, points: &[u32], work: &mut Work) -> Vec<u32> {
         work.side[p as usize] = ABOVE;
     }
     let boundary = |points: &[u32], other: u8, side: &[u8]| -> Vec<u32> {
-        let touches = |&p: &u32| {
-            graph
-                .neighbors(p as usize)
-                .iter()
-                .any(|&q| side[q as usize] == other)
-        };
+        let touches = |&p: &u32| graph.neighbors(p as usize).iter().any(|&q| side[q as usize] == other);
         points.iter().copied().filter(touches).collect()
     };
     let left = boundary(&points[..half], ABOVE, &work.side);
@@ -274,34 +236,21 @@ fn separator(graph: &Graph, points: &[u32], work: &mut Work) -> Vec<u32> {
     let across = |k: usize| {
         let (side, local) = (&work.side, &work.local);
         let list = graph.neighbors(left[k] as usize).iter();
-        list.filter(|&&q| side[q as usize] == ABOVE)
-            .map(|&q| local[q as usize] as usize)
+        list.filter(|&&q| side[q as usize] == ABOVE).map(|&q| local[q as usize] as usize)
     };
     let cover = minimum_cover(left.len(), right.len(), across);
     for &p in points {
         work.side[p as usize] = OUTSIDE;
     }
-    let from_left = left
-        .iter()
-        .zip(&cover.0)
-        .filter(|(_, c)| **c)
-        .map(|(p, _)| *p);
-    let from_right = right
-        .iter()
-        .zip(&cover.1)
-        .filter(|(_, c)| **c)
-        .map(|(p, _)| *p);
+    let from_left = left.iter().zip(&cover.0).filter(|(_, c)| **c).map(|(p, _)| *p);
+    let from_right = right.iter().zip(&cover.1).filter(|(_, c)| **c).map(|(p, _)| *p);
     from_left.chain(from_right).collect()
 }
 
 const FREE: u32 = u32::MAX;
 
 /// Minimum vertex cover of a bipartite graph (König), by maximum matching (Hopcroft and Karp 1973, SIAM J. Comput. 2).
-fn minimum_cover<I: Iterator<Item = usize>>(
-    left: usize,
-    right: usize,
-    across: impl Fn(usize) -> I,
-) -> (Vec<bool>, Vec<bool>) {
+fn minimum_cover<I: Iterator<Item = usize>>(left: usize, right: usize, across: impl Fn(usize) -> I) -> (Vec<bool>, Vec<bool>) {
     let (mut of_left, mut of_right) = (vec![FREE; left], vec![FREE; right]);
     // A greedy matching first: on lattices it is nearly maximum.
     for a in 0..left {
@@ -401,31 +350,15 @@ mod tests {
         // All 2^16 bipartite graphs on 4 + 4 are too many; a seeded sample, against brute force over vertex subsets.
         let mut state = 1u64;
         for _ in 0..300 {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             let bits = (state >> 33) as u16 & (state >> 17) as u16 | 1;
             let across = |a: usize| (0..4).filter(move |b| bits >> (4 * a + b) & 1 == 1);
-            let covers = |l: u32, r: u32| {
-                (0..4).all(|a| across(a).all(|b| l >> a & 1 == 1 || r >> b & 1 == 1))
-            };
-            let smallest = (0..256u32)
-                .filter(|s| covers(s & 15, s >> 4))
-                .map(u32::count_ones)
-                .min()
-                .unwrap();
+            let covers = |l: u32, r: u32| (0..4).all(|a| across(a).all(|b| l >> a & 1 == 1 || r >> b & 1 == 1));
+            let smallest = (0..256u32).filter(|s| covers(s & 15, s >> 4)).map(u32::count_ones).min().unwrap();
             let cover = minimum_cover(4, 4, across);
-            let mask = |v: &[bool]| {
-                v.iter()
-                    .enumerate()
-                    .map(|(k, c)| (*c as u32) << k)
-                    .sum::<u32>()
-            };
+            let mask = |v: &[bool]| v.iter().enumerate().map(|(k, c)| (*c as u32) << k).sum::<u32>();
             assert!(covers(mask(&cover.0), mask(&cover.1)));
-            assert_eq!(
-                mask(&cover.0).count_ones() + mask(&cover.1).count_ones(),
-                smallest
-            );
+            assert_eq!(mask(&cover.0).count_ones() + mask(&cover.1).count_ones(), smallest);
         }
     }
 
@@ -438,10 +371,7 @@ mod tests {
                 for dx in -reach..=reach {
                     for dy in -reach..=reach {
                         let (a, b) = (x + dx, y + dy);
-                        if (dx, dy) != (0, 0)
-                            && (0..nx as isize).contains(&a)
-                            && (0..ny as isize).contains(&b)
-                        {
+                        if (dx, dy) != (0, 0) && (0..nx as isize).contains(&a) && (0..ny as isize).contains(&b) {
                             neighbors.push((a * ny as isize + b) as u32);
                         }
                     }
@@ -459,19 +389,13 @@ mod tests {
         let order = nested_dissection(&graph, &positions, 2);
         let mut seen = order.clone();
         seen.sort_unstable();
-        assert!(
-            seen.iter().enumerate().all(|(k, &p)| k == p as usize),
-            "not a permutation"
-        );
+        assert!(seen.iter().enumerate().all(|(k, &p)| k == p as usize), "not a permutation");
         // The last 3 × 20 points are three whole columns at the middle: nothing smaller separates reach 3.
         let separator = &order[800 - 60..];
         let mut columns: Vec<usize> = separator.iter().map(|&p| p as usize / 20).collect();
         columns.sort_unstable();
         columns.dedup();
-        assert!(
-            columns.len() == 3 && (16..=22).contains(&columns[1]),
-            "{columns:?}"
-        );
+        assert!(columns.len() == 3 && (16..=22).contains(&columns[1]), "{columns:?}");
     }
 
     #[test]

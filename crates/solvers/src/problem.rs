@@ -27,9 +27,7 @@ pub struct Stop {
 impl Stop {
     /// A stop with its reason: one sentence with the point, the cause and a remedy.
     pub fn new(reason: impl Into<String>) -> Self {
-        Self {
-            reason: reason.into(),
-        }
+        Self { reason: reason.into() }
     }
 }
 

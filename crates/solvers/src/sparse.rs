@@ -19,9 +19,7 @@ pub enum SparseError {
         points: usize,
     },
     /// A list is not strictly ascending where it must be, or names a point twice.
-    #[error(
-        "list {list} names point {index} twice or out of order; lists must name each point once"
-    )]
+    #[error("list {list} names point {index} twice or out of order; lists must name each point once")]
     Repeated {
         /// Number of the list.
         list: usize,
@@ -29,9 +27,7 @@ pub enum SparseError {
         index: usize,
     },
     /// More entries than 32-bit slots can count.
-    #[error(
-        "the matrix has {blocks} blocks, more than 32-bit indices can count; use a matrix-free solver"
-    )]
+    #[error("the matrix has {blocks} blocks, more than 32-bit indices can count; use a matrix-free solver")]
     TooLarge {
         /// Number of blocks of the lower triangle.
         blocks: usize,
@@ -58,11 +54,7 @@ impl FamilyList {
     /// # Panics
     /// Where `starts` does not run from 0 to `members.len()` without decreasing.
     pub fn new(points: usize, starts: Vec<usize>, members: Vec<u32>) -> Result<Self, SparseError> {
-        assert!(
-            starts.first() == Some(&0)
-                && starts.last() == Some(&members.len())
-                && starts.is_sorted()
-        );
+        assert!(starts.first() == Some(&0) && starts.last() == Some(&members.len()) && starts.is_sorted());
         let mut sorted = Vec::with_capacity(members.len());
         for list in 0..starts.len() - 1 {
             let family = &members[starts[list]..starts[list + 1]];
@@ -72,28 +64,16 @@ impl FamilyList {
             places.sort_unstable_by_key(|&k| family[k as usize]);
             for pair in places.windows(2) {
                 if family[pair[0] as usize] == family[pair[1] as usize] {
-                    return Err(SparseError::Repeated {
-                        list,
-                        index: family[pair[0] as usize] as usize,
-                    });
+                    return Err(SparseError::Repeated { list, index: family[pair[0] as usize] as usize });
                 }
             }
             if let Some(&last) = places.last()
                 && family[last as usize] as usize >= points
             {
-                return Err(SparseError::OutOfRange {
-                    list,
-                    index: family[last as usize] as usize,
-                    points,
-                });
+                return Err(SparseError::OutOfRange { list, index: family[last as usize] as usize, points });
             }
         }
-        Ok(Self {
-            starts,
-            members,
-            sorted,
-            points,
-        })
+        Ok(Self { starts, members, sorted, points })
     }
 
     /// Number of families.
@@ -147,20 +127,13 @@ impl BlockPattern {
             let list = &rows[starts[column]..starts[column + 1]];
             for pair in list.windows(2) {
                 if pair[0] >= pair[1] {
-                    return Err(SparseError::Repeated {
-                        list: column,
-                        index: pair[1] as usize,
-                    });
+                    return Err(SparseError::Repeated { list: column, index: pair[1] as usize });
                 }
             }
             if let Some(&last) = list.last()
                 && last as usize >= points
             {
-                return Err(SparseError::OutOfRange {
-                    list: column,
-                    index: last as usize,
-                    points,
-                });
+                return Err(SparseError::OutOfRange { list: column, index: last as usize, points });
             }
             lower.push(column as u32);
             lower.extend(list.iter().filter(|&&row| row as usize > column));
@@ -208,8 +181,7 @@ impl BlockPattern {
                         rows.push(column as u32);
                         for &(k, place) in &of_point[starts[column]..starts[column + 1]] {
                             let family = families.family(k as usize);
-                            for &local in &families.sorted_places(k as usize)[place as usize + 1..]
-                            {
+                            for &local in &families.sorted_places(k as usize)[place as usize + 1..] {
                                 let row = family[local as usize];
                                 if seen[row as usize] != column as u32 {
                                     seen[row as usize] = column as u32;
@@ -240,12 +212,7 @@ impl BlockPattern {
         if rows.len().saturating_mul(block * block) > u32::MAX as usize {
             return Err(SparseError::TooLarge { blocks: rows.len() });
         }
-        Ok(Self {
-            block,
-            starts,
-            rows,
-            by_rows: OnceLock::new(),
-        })
+        Ok(Self { block, starts, rows, by_rows: OnceLock::new() })
     }
 
     /// Size `D` of the blocks.
@@ -280,10 +247,7 @@ impl BlockPattern {
 
     /// Slot of the block `(row, column)` with `row ≥ column`, if present.
     pub fn slot(&self, row: usize, column: usize) -> Option<usize> {
-        self.column(column)
-            .binary_search(&(row as u32))
-            .ok()
-            .map(|k| self.starts[column] + k)
+        self.column(column).binary_search(&(row as u32)).ok().map(|k| self.starts[column] + k)
     }
 
     fn by_rows(&self) -> &ByRows {
@@ -368,10 +332,7 @@ impl BlockMatrix {
 
     /// Adds `addition[k]` to diagonal entry `k`.
     pub fn add_diagonal(&mut self, addition: &[f64]) {
-        addition
-            .iter()
-            .enumerate()
-            .for_each(|(k, x)| self.add_diagonal_entry(k, *x));
+        addition.iter().enumerate().for_each(|(k, x)| self.add_diagonal_entry(k, *x));
     }
 
     /// Adds `addition` to one diagonal entry.
@@ -402,12 +363,7 @@ impl BlockMatrix {
     ///
     /// # Panics
     /// Where the pattern lacks a pair of members of a family.
-    pub fn add_families<S, E, I, F>(
-        &mut self,
-        families: &FamilyList,
-        init: I,
-        fill: F,
-    ) -> Result<(), E>
+    pub fn add_families<S, E, I, F>(&mut self, families: &FamilyList, init: I, fill: F) -> Result<(), E>
     where
         E: Send,
         I: Fn() -> S + Sync + Send,
@@ -445,14 +401,9 @@ impl BlockMatrix {
                 offset += size(k);
                 let family = families.family(k);
                 let places = families.sorted_places(k).iter().enumerate();
-                incidences.extend(
-                    places.map(|(place, &local)| (family[local as usize], k as u32, place as u32)),
-                );
+                incidences.extend(places.map(|(place, &local)| (family[local as usize], k as u32, place as u32)));
             }
-            let results: Vec<Result<(), E>> = parts
-                .into_par_iter()
-                .map_init(&init, |scratch, (k, part)| fill(scratch, k, part))
-                .collect();
+            let results: Vec<Result<(), E>> = parts.into_par_iter().map_init(&init, |scratch, (k, part)| fill(scratch, k, part)).collect();
             results.into_iter().collect::<Result<(), E>>()?;
             incidences.sort_unstable();
             // Cut the incidences into ranges of whole columns, and the values likewise.
@@ -465,41 +416,32 @@ impl BlockMatrix {
                 while end < incidences.len() && incidences[end].0 == incidences[end - 1].0 {
                     end += 1;
                 }
-                let slots = pattern.starts[incidences[begin].0 as usize]
-                    ..pattern.starts[incidences[end - 1].0 as usize + 1];
-                let (head, tail) =
-                    std::mem::take(&mut values).split_at_mut(slots.end * d * d - used);
-                tasks.push((
-                    &incidences[begin..end],
-                    slots.start,
-                    &mut head[slots.start * d * d - used..],
-                ));
+                let slots = pattern.starts[incidences[begin].0 as usize]..pattern.starts[incidences[end - 1].0 as usize + 1];
+                let (head, tail) = std::mem::take(&mut values).split_at_mut(slots.end * d * d - used);
+                tasks.push((&incidences[begin..end], slots.start, &mut head[slots.start * d * d - used..]));
                 used = slots.end * d * d;
                 values = tail;
                 begin = end;
             }
             let dense = &dense[..];
-            tasks
-                .into_par_iter()
-                .for_each(|(incidences, first_slot, values)| {
-                    for &(column, k, place) in incidences {
-                        let family = families.family(k as usize);
-                        let places = &families.sorted_places(k as usize)[place as usize..];
-                        let width = family.len() * d;
-                        let own = places[0] as usize * d;
-                        let start = offsets[k as usize - first] + own * width;
-                        let hessian_rows = &dense[start..start + d * width];
-                        let target =
-                            &mut values[(pattern.starts[column as usize] - first_slot) * d * d..];
-                        let rows = pattern.column(column as usize);
-                        match d {
-                            1 => scatter::<1>(hessian_rows, family, places, rows, target),
-                            2 => scatter::<2>(hessian_rows, family, places, rows, target),
-                            3 => scatter::<3>(hessian_rows, family, places, rows, target),
-                            _ => scatter_any(d, hessian_rows, family, places, rows, target),
-                        }
+            tasks.into_par_iter().for_each(|(incidences, first_slot, values)| {
+                for &(column, k, place) in incidences {
+                    let family = families.family(k as usize);
+                    let places = &families.sorted_places(k as usize)[place as usize..];
+                    let width = family.len() * d;
+                    let own = places[0] as usize * d;
+                    let start = offsets[k as usize - first] + own * width;
+                    let hessian_rows = &dense[start..start + d * width];
+                    let target = &mut values[(pattern.starts[column as usize] - first_slot) * d * d..];
+                    let rows = pattern.column(column as usize);
+                    match d {
+                        1 => scatter::<1>(hessian_rows, family, places, rows, target),
+                        2 => scatter::<2>(hessian_rows, family, places, rows, target),
+                        3 => scatter::<3>(hessian_rows, family, places, rows, target),
+                        _ => scatter_any(d, hessian_rows, family, places, rows, target),
                     }
-                });
+                }
+            });
             first = last;
         }
         Ok(())
@@ -522,73 +464,57 @@ impl BlockMatrix {
     fn product_by<const D: usize>(&self, x: &[f64], y: &mut [f64]) {
         let by_rows = self.pattern.by_rows();
         let (x, values) = (x.as_chunks::<D>().0, &self.values[..]);
-        y.as_chunks_mut::<D>()
-            .0
-            .par_iter_mut()
-            .with_min_len(64)
-            .enumerate()
-            .for_each(|(p, y)| {
-                let mut sum = [0.0; D];
-                for &(column, slot) in &by_rows.entries[by_rows.starts[p]..by_rows.starts[p + 1]] {
-                    let block = values[slot as usize * D * D..][..D * D].as_chunks::<D>().0;
-                    let x = &x[column as usize];
-                    for j in 0..D {
-                        for i in 0..D {
-                            sum[i] += block[j][i] * x[j];
-                        }
+        y.as_chunks_mut::<D>().0.par_iter_mut().with_min_len(64).enumerate().for_each(|(p, y)| {
+            let mut sum = [0.0; D];
+            for &(column, slot) in &by_rows.entries[by_rows.starts[p]..by_rows.starts[p + 1]] {
+                let block = values[slot as usize * D * D..][..D * D].as_chunks::<D>().0;
+                let x = &x[column as usize];
+                for j in 0..D {
+                    for i in 0..D {
+                        sum[i] += block[j][i] * x[j];
                     }
                 }
-                for slot in self.pattern.starts[p]..self.pattern.starts[p + 1] {
-                    let block = values[slot * D * D..][..D * D].as_chunks::<D>().0;
-                    let x = &x[self.pattern.rows[slot] as usize];
-                    for j in 0..D {
-                        for i in 0..D {
-                            sum[j] += block[j][i] * x[i];
-                        }
+            }
+            for slot in self.pattern.starts[p]..self.pattern.starts[p + 1] {
+                let block = values[slot * D * D..][..D * D].as_chunks::<D>().0;
+                let x = &x[self.pattern.rows[slot] as usize];
+                for j in 0..D {
+                    for i in 0..D {
+                        sum[j] += block[j][i] * x[i];
                     }
                 }
-                *y = sum;
-            });
+            }
+            *y = sum;
+        });
     }
 
     fn product_any(&self, x: &[f64], y: &mut [f64]) {
         let by_rows = self.pattern.by_rows();
         let d = self.pattern.block;
-        y.par_chunks_mut(d)
-            .with_min_len(64)
-            .enumerate()
-            .for_each(|(p, y)| {
-                y.fill(0.0);
-                for &(column, slot) in &by_rows.entries[by_rows.starts[p]..by_rows.starts[p + 1]] {
-                    for j in 0..d {
-                        for i in 0..d {
-                            y[i] += self.values[(slot as usize * d + j) * d + i]
-                                * x[column as usize * d + j];
-                        }
+        y.par_chunks_mut(d).with_min_len(64).enumerate().for_each(|(p, y)| {
+            y.fill(0.0);
+            for &(column, slot) in &by_rows.entries[by_rows.starts[p]..by_rows.starts[p + 1]] {
+                for j in 0..d {
+                    for i in 0..d {
+                        y[i] += self.values[(slot as usize * d + j) * d + i] * x[column as usize * d + j];
                     }
                 }
-                for slot in self.pattern.starts[p]..self.pattern.starts[p + 1] {
-                    for j in 0..d {
-                        for i in 0..d {
-                            y[j] += self.values[(slot * d + j) * d + i]
-                                * x[self.pattern.rows[slot] as usize * d + i];
-                        }
+            }
+            for slot in self.pattern.starts[p]..self.pattern.starts[p + 1] {
+                for j in 0..d {
+                    for i in 0..d {
+                        y[j] += self.values[(slot * d + j) * d + i] * x[self.pattern.rows[slot] as usize * d + i];
                     }
                 }
-            });
+            }
+        });
     }
 }
 
 /// Adds the blocks of one column of one family: `hessian_rows` are the `D` rows of the column's own point, which by symmetry hold its
 /// columns; `places` the members from that point on, ascending, so that one pass over the column's rows finds them all.
 #[inline(always)]
-fn scatter<const D: usize>(
-    hessian_rows: &[f64],
-    family: &[u32],
-    places: &[u32],
-    rows: &[u32],
-    target: &mut [f64],
-) {
+fn scatter<const D: usize>(hessian_rows: &[f64], family: &[u32], places: &[u32], rows: &[u32], target: &mut [f64]) {
     let width = family.len() * D;
     let mut slot = 0;
     for &local in places {
@@ -605,14 +531,7 @@ fn scatter<const D: usize>(
     }
 }
 
-fn scatter_any(
-    d: usize,
-    hessian_rows: &[f64],
-    family: &[u32],
-    places: &[u32],
-    rows: &[u32],
-    target: &mut [f64],
-) {
+fn scatter_any(d: usize, hessian_rows: &[f64], family: &[u32], places: &[u32], rows: &[u32], target: &mut [f64]) {
     let width = family.len() * d;
     let mut slot = 0;
     for &local in places {

@@ -55,11 +55,7 @@ pub fn norm(a: &[f64]) -> f64 {
     if largest == 0.0 || !largest.is_finite() {
         return largest;
     }
-    largest
-        * reduce(a.len(), |range| {
-            a[range].iter().map(|x| (x / largest) * (x / largest)).sum()
-        })
-        .sqrt()
+    largest * reduce(a.len(), |range| a[range].iter().map(|x| (x / largest) * (x / largest)).sum()).sqrt()
 }
 
 /// Largest absolute entry; NaN where any entry is NaN; 0 for an empty vector.

@@ -25,12 +25,7 @@ pub struct Motion {
 impl Motion {
     /// At rest in the reference configuration at `time`.
     pub fn at_rest(dofs: usize, time: f64) -> Self {
-        Self {
-            time,
-            step: 0,
-            u: vec![0.0; dofs],
-            v: vec![0.0; dofs],
-        }
+        Self { time, step: 0, u: vec![0.0; dofs], v: vec![0.0; dofs] }
     }
 }
 
@@ -106,30 +101,15 @@ impl VelocityVerlet {
         cancel: Cancel<'_>,
     ) -> Result<Ended, MotionError> {
         let (start, duration) = (motion.time, self.end - motion.time);
-        if !(self.time_step > 0.0
-            && self.time_step.is_finite()
-            && duration >= 0.0
-            && duration.is_finite())
-        {
-            return Err(MotionError::Times {
-                start,
-                end: self.end,
-                time_step: self.time_step,
-            });
+        if !(self.time_step > 0.0 && self.time_step.is_finite() && duration >= 0.0 && duration.is_finite()) {
+            return Err(MotionError::Times { start, end: self.end, time_step: self.time_step });
         }
         // A ratio that is whole but for round-off is whole.
         let steps = (duration / self.time_step * (1.0 - 1e-12)).ceil() as usize;
-        let dt = if steps > 0 {
-            duration / steps as f64
-        } else {
-            0.0
-        };
+        let dt = if steps > 0 { duration / steps as f64 } else { 0.0 };
         let every = self.observe_every.max(1);
         let n = problem.dofs();
-        assert!(
-            motion.u.len() == n && motion.v.len() == n,
-            "one entry per dof"
-        );
+        assert!(motion.u.len() == n && motion.v.len() == n, "one entry per dof");
         for (dof, (&mass, &fixed)) in problem.mass().iter().zip(problem.fixed()).enumerate() {
             if !fixed && (mass <= 0.0 || !mass.is_finite()) {
                 return Err(MotionError::Mass { dof, mass });
@@ -140,19 +120,10 @@ impl VelocityVerlet {
         problem.prescribe_displacement(start, &mut motion.u);
         problem.prescribe_velocity(start, &mut motion.v);
         let first_step = motion.step;
-        let stopped =
-            |step: usize, time: f64| move |stop| MotionError::Stopped { step, time, stop };
-        problem
-            .force(start, &motion.u, &motion.v, &mut force)
-            .map_err(stopped(first_step, start))?;
-        let mut report = StepReport {
-            step: first_step,
-            time: start,
-            increment: dt,
-            solver: "velocity Verlet",
-            station: true,
-            ..Default::default()
-        };
+        let stopped = |step: usize, time: f64| move |stop| MotionError::Stopped { step, time, stop };
+        problem.force(start, &motion.u, &motion.v, &mut force).map_err(stopped(first_step, start))?;
+        let mut report =
+            StepReport { step: first_step, time: start, increment: dt, solver: "velocity Verlet", station: true, ..Default::default() };
         if observer.step(&report, problem, &motion.u, &motion.v) == ControlFlow::Break(()) {
             return Ok(Ended::Observer);
         }
@@ -161,19 +132,9 @@ impl VelocityVerlet {
                 return Ok(Ended::Cancelled);
             }
             // Times by multiplication: sums of many small steps drift.
-            let time = if k == steps {
-                self.end
-            } else {
-                start + k as f64 * dt
-            };
+            let time = if k == steps { self.end } else { start + k as f64 * dt };
             let step = first_step + k;
-            kick(
-                &mut motion.v,
-                0.5 * dt,
-                &force,
-                problem.mass(),
-                problem.fixed(),
-            );
+            kick(&mut motion.v, 0.5 * dt, &force, problem.mass(), problem.fixed());
             problem.prescribe_velocity(time - 0.5 * dt, &mut motion.v);
             before.copy_from_slice(&motion.u);
             vector::add_scaled(&mut motion.u, dt, &motion.v);
@@ -185,20 +146,10 @@ impl VelocityVerlet {
             }
             motion.time = time;
             motion.step = step;
-            problem
-                .force(time, &motion.u, &motion.v, &mut force)
-                .map_err(stopped(step, time))?;
-            kick(
-                &mut motion.v,
-                0.5 * dt,
-                &force,
-                problem.mass(),
-                problem.fixed(),
-            );
+            problem.force(time, &motion.u, &motion.v, &mut force).map_err(stopped(step, time))?;
+            kick(&mut motion.v, 0.5 * dt, &force, problem.mass(), problem.fixed());
             problem.prescribe_velocity(time, &mut motion.v);
-            problem
-                .accept(time, &motion.u, &motion.v)
-                .map_err(stopped(step, time))?;
+            problem.accept(time, &motion.u, &motion.v).map_err(stopped(step, time))?;
             if step.is_multiple_of(every) || k == steps {
                 (report.step, report.time, report.station) = (step, time, k == steps);
                 if observer.step(&report, problem, &motion.u, &motion.v) == ControlFlow::Break(()) {
@@ -214,14 +165,11 @@ impl VelocityVerlet {
 fn kick(v: &mut [f64], dt: f64, force: &[f64], mass: &[f64], fixed: &[bool]) {
     let n = v.len();
     assert!(force.len() == n && mass.len() == n && fixed.len() == n);
-    v.par_iter_mut()
-        .with_min_len(16_384)
-        .enumerate()
-        .for_each(|(k, v)| {
-            if !fixed[k] {
-                *v += dt * force[k] / mass[k];
-            }
-        });
+    v.par_iter_mut().with_min_len(16_384).enumerate().for_each(|(k, v)| {
+        if !fixed[k] {
+            *v += dt * force[k] / mass[k];
+        }
+    });
 }
 
 /// Kinetic energy `½ Σ m v²`.
@@ -250,19 +198,10 @@ pub struct StableStep {
 ///
 /// # Errors
 /// [`EigenError`], for one where there is no positive stiffness (then every step is stable).
-pub fn stable_step<P: Dynamics + ?Sized>(
-    problem: &mut P,
-    t: f64,
-    u: &[f64],
-    safety: f64,
-) -> Result<StableStep, EigenError> {
+pub fn stable_step<P: Dynamics + ?Sized>(problem: &mut P, t: f64, u: &[f64], safety: f64) -> Result<StableStep, EigenError> {
     let (mass, fixed) = (problem.mass().to_vec(), problem.fixed().to_vec());
     let product = |x: &[f64], y: &mut [f64]| problem.tangent_product(t, u, x, y);
     let largest = eigen::largest_eigenvalue(product, &mass, &fixed, 1e-2)?;
     let frequency = largest.upper.sqrt();
-    Ok(StableStep {
-        time_step: safety * 2.0 / frequency,
-        frequency,
-        iterations: largest.iterations,
-    })
+    Ok(StableStep { time_step: safety * 2.0 / frequency, frequency, iterations: largest.iterations })
 }

@@ -23,11 +23,7 @@ fn dense<const D: usize>(truss: &mut Truss<D>, u: &[f64]) -> Vec<Vec<f64>> {
         Statics::tangent_product(truss, 0.0, u, &unit, &mut column).unwrap();
         for i in 0..n {
             let fixed = truss.fixed[i] || truss.fixed[j];
-            a[i][j] = if fixed {
-                f64::from(u8::from(i == j))
-            } else {
-                column[i]
-            };
+            a[i][j] = if fixed { f64::from(u8::from(i == j)) } else { column[i] };
         }
     }
     a
@@ -51,9 +47,7 @@ fn a_truss_agrees_with_dense_elimination() {
     let u = bent(n);
     let matrix = assembled(&mut truss, &u);
     let mut b: Vec<f64> = (0..n).map(|k| 1e3 * (k as f64).cos()).collect();
-    let mut cholesky =
-        SparseCholesky::analyze(matrix.pattern().clone(), &truss.positions, &truss.fixed, 2)
-            .unwrap();
+    let mut cholesky = SparseCholesky::analyze(matrix.pattern().clone(), &truss.positions, &truss.fixed, 2).unwrap();
     cholesky.factor(&matrix, None).unwrap();
     let mut x = vec![f64::NAN; n];
     let report = cholesky.solve(&b, &mut x).unwrap();
@@ -62,12 +56,7 @@ fn a_truss_agrees_with_dense_elimination() {
     let exact = dense_solve(a, b.clone());
     let scale = vector::largest(&exact);
     for k in 0..n {
-        assert!(
-            (x[k] - exact[k]).abs() < 1e-11 * scale,
-            "{k}: {} {}",
-            x[k],
-            exact[k]
-        );
+        assert!((x[k] - exact[k]).abs() < 1e-11 * scale, "{k}: {} {}", x[k], exact[k]);
     }
     assert!(report.residual < 1e-14, "{report:?}");
     // With an addition to the diagonal, through the same analysis.
@@ -75,9 +64,7 @@ fn a_truss_agrees_with_dense_elimination() {
     cholesky.factor(&matrix, Some(&addition)).unwrap();
     cholesky.solve(&b, &mut x).unwrap();
     let mut a = dense(&mut truss, &u);
-    (0..n)
-        .filter(|&k| !truss.fixed[k])
-        .for_each(|k| a[k][k] += addition[k]);
+    (0..n).filter(|&k| !truss.fixed[k]).for_each(|k| a[k][k] += addition[k]);
     let exact = dense_solve(a, b);
     assert!((0..n).all(|k| (x[k] - exact[k]).abs() < 1e-11 * scale));
 }
@@ -122,22 +109,14 @@ fn the_ordering_is_chosen_by_fill() {
     let points = (side * side) as usize;
     let families = FamilyList::new(points, starts, members).unwrap();
     let pattern = Arc::new(BlockPattern::from_families(2, &families).unwrap());
-    let positions: Vec<f64> = (0..points)
-        .flat_map(|p| [(p as i64 / side) as f64, (p as i64 % side) as f64])
-        .collect();
-    let with =
-        SparseCholesky::analyze(pattern.clone(), &positions, &vec![false; 2 * points], 1).unwrap();
+    let positions: Vec<f64> = (0..points).flat_map(|p| [(p as i64 / side) as f64, (p as i64 % side) as f64]).collect();
+    let with = SparseCholesky::analyze(pattern.clone(), &positions, &vec![false; 2 * points], 1).unwrap();
     let without = SparseCholesky::analyze(pattern, &[], &vec![false; 2 * points], 1).unwrap();
-    assert_eq!(
-        (with.ordering(), without.ordering()),
-        (Ordering::NestedDissection, Ordering::MinimumDegree)
-    );
+    assert_eq!((with.ordering(), without.ordering()), (Ordering::NestedDissection, Ordering::MinimumDegree));
     let ratio = with.factor_values() as f64 / without.factor_values() as f64;
     assert!((0.8..1.1).contains(&ratio), "{ratio}");
     let mut chain = chain(200, 1.0);
-    let line =
-        SparseCholesky::analyze(chain.pattern().unwrap(), &chain.positions, &[false; 200], 1)
-            .unwrap();
+    let line = SparseCholesky::analyze(chain.pattern().unwrap(), &chain.positions, &[false; 200], 1).unwrap();
     // Neighbouring supernodes of up to 16 columns are merged: a band, no more.
     assert!(line.factor_values() < 20 * 200, "{}", line.factor_values());
 }
@@ -149,35 +128,22 @@ fn an_unstable_matrix_is_refused_with_its_dof() {
     truss.hold(0);
     truss.bars[5].broken = true;
     let matrix = assembled(&mut truss, &[0.0; 10]);
-    let mut cholesky =
-        SparseCholesky::analyze(matrix.pattern().clone(), &truss.positions, &truss.fixed, 1)
-            .unwrap();
-    let refused = cholesky
-        .factor(&matrix, None)
-        .and_then(|()| cholesky.solve(&[1e-7; 10], &mut [0.0; 10]).map(|_| ()));
+    let mut cholesky = SparseCholesky::analyze(matrix.pattern().clone(), &truss.positions, &truss.fixed, 1).unwrap();
+    let refused = cholesky.factor(&matrix, None).and_then(|()| cholesky.solve(&[1e-7; 10], &mut [0.0; 10]).map(|_| ()));
     match refused {
         Err(DirectError::NotPositiveDefinite { dof }) => assert!((6..=9).contains(&dof), "{dof}"),
         other => panic!("{other:?}"),
     }
-    assert!(matches!(
-        cholesky.solve(&[0.0; 10], &mut [0.0; 10]),
-        Err(DirectError::NotFactored)
-    ));
+    assert!(matches!(cholesky.solve(&[0.0; 10], &mut [0.0; 10]), Err(DirectError::NotFactored)));
     // An indefinite one: a spring that pushes.
     truss.bars[5].broken = false;
     truss.bars[3].k = -1e-4;
     let matrix = assembled(&mut truss, &[0.0; 10]);
-    assert!(matches!(
-        cholesky.factor(&matrix, None),
-        Err(DirectError::NotPositiveDefinite { .. })
-    ));
+    assert!(matches!(cholesky.factor(&matrix, None), Err(DirectError::NotPositiveDefinite { .. })));
     // And one that is not a number.
     truss.bars[3].k = f64::NAN;
     let matrix = assembled(&mut truss, &[0.0; 10]);
-    assert!(matches!(
-        cholesky.factor(&matrix, None),
-        Err(DirectError::NotPositiveDefinite { .. })
-    ));
+    assert!(matches!(cholesky.factor(&matrix, None), Err(DirectError::NotPositiveDefinite { .. })));
 }
 
 #[test]
@@ -185,9 +151,7 @@ fn families_assemble_to_their_sum() {
     // Families of seeded members in seeded order, in one, two, three and four components, against a dense sum.
     let mut state = 5u64;
     let mut random = move |below: usize| {
-        state = state
-            .wrapping_mul(6364136223846793005)
-            .wrapping_add(1442695040888963407);
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (state >> 33) as usize % below
     };
     for d in 1..=4usize {
@@ -203,22 +167,18 @@ fn families_assemble_to_their_sum() {
             starts.push(members.len());
         }
         let families = FamilyList::new(points, starts, members).unwrap();
-        let entry = |k: usize, a: usize, b: usize| {
-            ((a.min(b) * 31 + a.max(b) * 17 + k * 7) % 64) as f64 - 31.0
-        };
+        let entry = |k: usize, a: usize, b: usize| ((a.min(b) * 31 + a.max(b) * 17 + k * 7) % 64) as f64 - 31.0;
         let n = points * d;
         let mut exact = vec![vec![0.0; n]; n];
         for k in 0..families.len() {
             let family = families.family(k);
             for a in 0..family.len() * d {
                 for b in 0..family.len() * d {
-                    exact[family[a / d] as usize * d + a % d]
-                        [family[b / d] as usize * d + b % d] += entry(k, a, b);
+                    exact[family[a / d] as usize * d + a % d][family[b / d] as usize * d + b % d] += entry(k, a, b);
                 }
             }
         }
-        let mut matrix =
-            BlockMatrix::new(Arc::new(BlockPattern::from_families(d, &families).unwrap()));
+        let mut matrix = BlockMatrix::new(Arc::new(BlockPattern::from_families(d, &families).unwrap()));
         let fill = |_: &mut (), k: usize, dense: &mut [f64]| {
             let width = families.family(k).len() * d;
             for a in 0..width {
@@ -234,34 +194,17 @@ fn families_assemble_to_their_sum() {
             unit[j] = 1.0;
             matrix.product(&unit, &mut column);
             // Whole numbers: no round-off.
-            assert!(
-                (0..n).all(|i| column[i] == exact[i][j]),
-                "D = {d}, column {j}"
-            );
+            assert!((0..n).all(|i| column[i] == exact[i][j]), "D = {d}, column {j}");
         }
-        let failed = matrix.add_families(
-            &families,
-            || (),
-            |_, k, _| if k >= 5 { Err(k) } else { Ok(()) },
-        );
+        let failed = matrix.add_families(&families, || (), |_, k, _| if k >= 5 { Err(k) } else { Ok(()) });
         assert_eq!(failed, Err(5));
     }
 }
 
 #[test]
 fn bad_lists_are_refused() {
-    assert_eq!(
-        FamilyList::new(3, vec![0, 2, 4], vec![0, 1, 2, 2]).unwrap_err(),
-        SparseError::Repeated { list: 1, index: 2 }
-    );
-    assert_eq!(
-        FamilyList::new(3, vec![0, 2], vec![3, 1]).unwrap_err(),
-        SparseError::OutOfRange {
-            list: 0,
-            index: 3,
-            points: 3
-        }
-    );
+    assert_eq!(FamilyList::new(3, vec![0, 2, 4], vec![0, 1, 2, 2]).unwrap_err(), SparseError::Repeated { list: 1, index: 2 });
+    assert_eq!(FamilyList::new(3, vec![0, 2], vec![3, 1]).unwrap_err(), SparseError::OutOfRange { list: 0, index: 3, points: 3 });
     assert!(BlockPattern::from_columns(2, &[0, 2, 2], &[1, 0]).is_err());
     let pattern = Arc::new(BlockPattern::from_columns(1, &[0, 1, 2, 2], &[1, 0]).unwrap());
     assert!(!BlockMatrix::new(pattern).add_block(2, 0, &[1.0]));
@@ -270,10 +213,7 @@ fn bad_lists_are_refused() {
 #[test]
 fn conjugate_gradients_need_one_iteration_per_distinct_eigenvalue() {
     let n = 1000;
-    let options = KrylovOptions {
-        tolerance: 1e-12,
-        max_iterations: 100,
-    };
+    let options = KrylovOptions { tolerance: 1e-12, max_iterations: 100 };
     for distinct in [1, 3, 7] {
         let product = |x: &[f64], y: &mut [f64]| {
             (0..n).for_each(|k| y[k] = (1 + k % distinct) as f64 * 1e-9 * x[k]);
@@ -282,23 +222,11 @@ fn conjugate_gradients_need_one_iteration_per_distinct_eigenvalue() {
         let b: Vec<f64> = (0..n).map(|k| 1.0 + (k as f64).sin()).collect();
         let mut x = vec![0.0; n];
         let free = vec![false; n];
-        let report = ConjugateGradients::default()
-            .solve(product, &mut Identity, &free, &b, &mut x, options)
-            .unwrap();
-        assert_eq!(
-            (report.iterations, report.end),
-            (distinct, KrylovEnd::Converged)
-        );
-        assert!(
-            (0..n).all(|k| (x[k] * (1 + k % distinct) as f64 * 1e-9 / b[k] - 1.0).abs() < 1e-10)
-        );
-        let report = Gmres::new(20)
-            .solve(product, &mut Identity, &free, &b, &mut x, options)
-            .unwrap();
-        assert_eq!(
-            (report.iterations, report.end),
-            (distinct, KrylovEnd::Converged)
-        );
+        let report = ConjugateGradients::default().solve(product, &mut Identity, &free, &b, &mut x, options).unwrap();
+        assert_eq!((report.iterations, report.end), (distinct, KrylovEnd::Converged));
+        assert!((0..n).all(|k| (x[k] * (1 + k % distinct) as f64 * 1e-9 / b[k] - 1.0).abs() < 1e-10));
+        let report = Gmres::new(20).solve(product, &mut Identity, &free, &b, &mut x, options).unwrap();
+        assert_eq!((report.iterations, report.end), (distinct, KrylovEnd::Converged));
     }
 }
 
@@ -314,15 +242,9 @@ fn conjugate_gradients_converge_as_fast_as_their_bound_and_no_faster_than_the_gr
     let mut b = vec![0.0; n + 2];
     b[1] = 1.0;
     let mut x = vec![0.0; n + 2];
-    let product =
-        |x: &[f64], y: &mut [f64]| Statics::tangent_product(&mut truss, 0.0, &[0.0; 102], x, y);
-    let options = KrylovOptions {
-        tolerance: 1e-10,
-        max_iterations: 1000,
-    };
-    let report = ConjugateGradients::default()
-        .solve(product, &mut Identity, &fixed, &b, &mut x, options)
-        .unwrap();
+    let product = |x: &[f64], y: &mut [f64]| Statics::tangent_product(&mut truss, 0.0, &[0.0; 102], x, y);
+    let options = KrylovOptions { tolerance: 1e-10, max_iterations: 1000 };
+    let report = ConjugateGradients::default().solve(product, &mut Identity, &fixed, &b, &mut x, options).unwrap();
     assert_eq!(report.iterations, n, "{report:?}");
     // Displacement of the loaded point: two springs in parallel, k and k/n.
     let exact = 1.0 / (4.0 * (1.0 + 1.0 / n as f64));
@@ -343,51 +265,20 @@ fn block_jacobi_undoes_bad_scaling() {
     let mut blocks = vec![0.0; 2 * n];
     truss.block_diagonal(0.0, &u, &mut blocks).unwrap();
     let b: Vec<f64> = (0..n).map(|k| (k as f64).sin()).collect();
-    let options = KrylovOptions {
-        tolerance: 1e-8,
-        max_iterations: 100_000,
-    };
-    let mut product =
-        |x: &[f64], y: &mut [f64]| Statics::tangent_product(&mut truss, 0.0, &u, x, y);
+    let options = KrylovOptions { tolerance: 1e-8, max_iterations: 100_000 };
+    let mut product = |x: &[f64], y: &mut [f64]| Statics::tangent_product(&mut truss, 0.0, &u, x, y);
     let (mut plain, mut preconditioned, mut by_gmres) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let mut cg = ConjugateGradients::default();
-    let slow = cg
-        .solve(&mut product, &mut Identity, &fixed, &b, &mut plain, options)
-        .unwrap();
+    let slow = cg.solve(&mut product, &mut Identity, &fixed, &b, &mut plain, options).unwrap();
     let mut jacobi = BlockJacobi::new(2, &blocks, &fixed);
-    let fast = cg
-        .solve(
-            &mut product,
-            &mut jacobi,
-            &fixed,
-            &b,
-            &mut preconditioned,
-            options,
-        )
-        .unwrap();
+    let fast = cg.solve(&mut product, &mut jacobi, &fixed, &b, &mut preconditioned, options).unwrap();
     assert_eq!(fast.end, KrylovEnd::Converged);
-    assert!(
-        5 * fast.iterations < slow.iterations,
-        "{} {}",
-        fast.iterations,
-        slow.iterations
-    );
+    assert!(5 * fast.iterations < slow.iterations, "{} {}", fast.iterations, slow.iterations);
     let mut y = vec![0.0; n];
     product(&preconditioned, &mut y).unwrap();
-    let residual: Vec<f64> = (0..n)
-        .map(|k| if fixed[k] { 0.0 } else { y[k] - b[k] })
-        .collect();
+    let residual: Vec<f64> = (0..n).map(|k| if fixed[k] { 0.0 } else { y[k] - b[k] }).collect();
     assert!(vector::norm(&residual) < 2e-8 * vector::norm(&b));
-    let restarted = Gmres::new(300)
-        .solve(
-            &mut product,
-            &mut jacobi,
-            &fixed,
-            &b,
-            &mut by_gmres,
-            options,
-        )
-        .unwrap();
+    let restarted = Gmres::new(300).solve(&mut product, &mut jacobi, &fixed, &b, &mut by_gmres, options).unwrap();
     assert_eq!(restarted.end, KrylovEnd::Converged, "{restarted:?}");
 }
 
@@ -399,44 +290,15 @@ fn negative_curvature_is_noticed_and_gmres_does_not_mind() {
         (y[2], y[3]) = (x[2] - 3.0 * x[3], x[3] + 3.0 * x[2]);
         Ok(())
     };
-    let options = KrylovOptions {
-        tolerance: 1e-12,
-        max_iterations: 50,
-    };
+    let options = KrylovOptions { tolerance: 1e-12, max_iterations: 50 };
     let mut x = [0.0; 4];
     let report = ConjugateGradients::default();
-    let report = { report }
-        .solve(
-            product,
-            &mut Identity,
-            &[false; 4],
-            &[0.1, 1.0, 0.0, 0.0],
-            &mut x,
-            options,
-        )
-        .unwrap();
+    let report = { report }.solve(product, &mut Identity, &[false; 4], &[0.1, 1.0, 0.0, 0.0], &mut x, options).unwrap();
     assert_eq!(report.end, KrylovEnd::NegativeCurvature);
     assert!(x[1] > 0.0, "a direction of descent: {x:?}");
-    let report = Gmres::new(2).solve(
-        product,
-        &mut Identity,
-        &[false; 4],
-        &[2.0, -3.0, 4.0, 2.0],
-        &mut x,
-        options,
-    );
-    assert!(matches!(
-        report.unwrap().end,
-        KrylovEnd::Converged | KrylovEnd::Exhausted | KrylovEnd::BrokenDown
-    ));
-    let report = Gmres::new(4).solve(
-        product,
-        &mut Identity,
-        &[false; 4],
-        &[2.0, -3.0, 4.0, 2.0],
-        &mut x,
-        options,
-    );
+    let report = Gmres::new(2).solve(product, &mut Identity, &[false; 4], &[2.0, -3.0, 4.0, 2.0], &mut x, options);
+    assert!(matches!(report.unwrap().end, KrylovEnd::Converged | KrylovEnd::Exhausted | KrylovEnd::BrokenDown));
+    let report = Gmres::new(4).solve(product, &mut Identity, &[false; 4], &[2.0, -3.0, 4.0, 2.0], &mut x, options);
     assert_eq!(report.unwrap().end, KrylovEnd::Converged);
     for (found, exact) in x.iter().zip([1.0, 3.0, 1.0, -1.0]) {
         assert!((found - exact).abs() < 1e-12, "{x:?}");
@@ -450,13 +312,7 @@ fn the_number_of_threads_changes_no_bit() {
         let n = truss.load.len();
         let u = bent(n);
         let matrix = assembled(&mut truss, &u);
-        let mut cholesky = SparseCholesky::analyze(
-            matrix.pattern().clone(),
-            &truss.positions,
-            &truss.fixed,
-            threads,
-        )
-        .unwrap();
+        let mut cholesky = SparseCholesky::analyze(matrix.pattern().clone(), &truss.positions, &truss.fixed, threads).unwrap();
         cholesky.factor(&matrix, None).unwrap();
         let b: Vec<f64> = (0..n).map(|k| (k as f64).cos()).collect();
         let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
@@ -467,10 +323,7 @@ fn the_number_of_threads_changes_no_bit() {
     };
     let one = with_threads(1, || solve(1));
     for threads in [2, 3] {
-        assert!(
-            with_threads(threads, || solve(threads)) == one,
-            "{threads} threads"
-        );
+        assert!(with_threads(threads, || solve(threads)) == one, "{threads} threads");
     }
 }
 
@@ -479,9 +332,7 @@ fn assembly_from_families_does_not_depend_on_threads() {
     // Enough families for several waves, entries that round.
     let (points, width) = (3000, 60);
     let starts: Vec<usize> = (0..=points - width).map(|k| k * width).collect();
-    let members = (0..points - width)
-        .flat_map(|k| (k..k + width).map(|p| p as u32))
-        .collect();
+    let members = (0..points - width).flat_map(|k| (k..k + width).map(|p| p as u32)).collect();
     let families = FamilyList::new(points, starts, members).unwrap();
     let pattern = Arc::new(BlockPattern::from_families(2, &families).unwrap());
     let assemble = || {
@@ -496,11 +347,7 @@ fn assembly_from_families_does_not_depend_on_threads() {
             Ok::<(), ()>(())
         };
         matrix.add_families(&families, || (), fill).unwrap();
-        matrix
-            .values()
-            .iter()
-            .map(|x| x.to_bits())
-            .collect::<Vec<u64>>()
+        matrix.values().iter().map(|x| x.to_bits()).collect::<Vec<u64>>()
     };
     let one = with_threads(1, assemble);
     for threads in [2, 5] {

@@ -12,25 +12,12 @@ use solvers::nonlinear_cg::{NonlinearCg, NonlinearCgOptions};
 use solvers::observe::{Silent, StepReport};
 
 fn methods() -> [(Box<dyn Equilibrium>, f64); 2] {
-    let relaxation = DynamicRelaxationOptions {
-        tolerance: 1e-8,
-        ..Default::default()
-    };
-    let gradients = NonlinearCgOptions {
-        tolerance: 1e-8,
-        ..Default::default()
-    };
-    [
-        (Box::new(NonlinearCg::new(gradients)), 1e-6),
-        (Box::new(DynamicRelaxation::new(relaxation)), 1e-6),
-    ]
+    let relaxation = DynamicRelaxationOptions { tolerance: 1e-8, ..Default::default() };
+    let gradients = NonlinearCgOptions { tolerance: 1e-8, ..Default::default() };
+    [(Box::new(NonlinearCg::new(gradients)), 1e-6), (Box::new(DynamicRelaxation::new(relaxation)), 1e-6)]
 }
 
-fn final_state<const D: usize>(
-    truss: &mut Truss<D>,
-    method: &mut dyn Equilibrium,
-    steps: usize,
-) -> (Vec<f64>, usize) {
+fn final_state<const D: usize>(truss: &mut Truss<D>, method: &mut dyn Equilibrium, steps: usize) -> (Vec<f64>, usize) {
     truss.accepted_scale = 0.0;
     let mut u = vec![0.0; truss.load.len()];
     let mut iterations = 0;
@@ -38,9 +25,7 @@ fn final_state<const D: usize>(
         iterations += report.iterations;
         ControlFlow::Continue(())
     };
-    LoadSteps::uniform(0.0, 1.0, steps)
-        .run(truss, method, &mut u, &mut observer, None)
-        .unwrap();
+    LoadSteps::uniform(0.0, 1.0, steps).run(truss, method, &mut u, &mut observer, None).unwrap();
     (u, iterations)
 }
 
@@ -51,17 +36,11 @@ fn a_truss_in_large_rotation_comes_to_the_same_rest() {
             let mut truss = lattice(10, 4, 1e3 * unit);
             let n = truss.load.len();
             truss.load[n - 1] = -80.0 * unit;
-            let mut newton = Newton::new(NewtonOptions {
-                threads: 1,
-                ..Default::default()
-            });
+            let mut newton = Newton::new(NewtonOptions { threads: 1, ..Default::default() });
             let (exact, _) = final_state(&mut truss, &mut newton, 4);
             let (found, iterations) = final_state(&mut truss, method.as_mut(), 4);
             let scale = exact.iter().fold(0.0f64, |s, u| s.max(u.abs()));
-            let error = (0..n)
-                .map(|k| (found[k] - exact[k]).abs())
-                .fold(0.0, f64::max)
-                / scale;
+            let error = (0..n).map(|k| (found[k] - exact[k]).abs()).fold(0.0, f64::max) / scale;
             assert!(error < tolerance, "{error:e} after {iterations}");
             assert!(iterations < 20_000, "{iterations}");
         }
@@ -78,11 +57,7 @@ fn driven_ends_take_the_chain_along() {
         truss.drive(n - 1, |t| (8.0 * t, 8.0));
         let (u, _) = final_state(&mut truss, method.as_mut(), 2);
         for p in 0..n {
-            assert!(
-                (u[p] - 8.0 * p as f64 / (n as f64 - 1.0)).abs() < 8.0 * tolerance,
-                "{p}: {}",
-                u[p]
-            );
+            assert!((u[p] - 8.0 * p as f64 / (n as f64 - 1.0)).abs() < 8.0 * tolerance, "{p}: {}", u[p]);
         }
     }
 }
@@ -96,10 +71,7 @@ fn the_weakest_bar_breaks_and_the_rest_relaxes() {
         truss.bars[4].strength = 0.0099;
         let (u, _) = final_state(&mut truss, method.as_mut(), 10);
         assert_eq!(truss.bars.iter().filter(|b| b.broken).count(), 1);
-        assert!(
-            (0..5).all(|p| u[p].abs() < 1e-7) && (5..13).all(|p| (u[p] - 0.2).abs() < 1e-7),
-            "{u:?}"
-        );
+        assert!((0..5).all(|p| u[p].abs() < 1e-7) && (5..13).all(|p| (u[p] - 0.2).abs() < 1e-7), "{u:?}");
     }
 }
 
@@ -113,10 +85,7 @@ fn an_arch_snaps_through_without_a_matrix() {
         let (u, _) = final_state(&mut truss, method.as_mut(), 5);
         let y = h + u[5];
         let (start, now) = (h.hypot(1.0), y.hypot(1.0));
-        assert!(
-            y < 0.0 && (2.0 * (start - now) * y / now - 0.03).abs() < 1e-9,
-            "{y}"
-        );
+        assert!(y < 0.0 && (2.0 * (start - now) * y / now - 0.03).abs() < 1e-9, "{y}");
     }
 }
 
@@ -125,40 +94,17 @@ fn steps_that_run_out_are_an_error_with_the_residual() {
     let mut truss = lattice(20, 3, 1.0);
     let n = truss.load.len();
     truss.load[n - 1] = 1e-3;
-    let relaxation = DynamicRelaxationOptions {
-        max_steps: 20,
-        ..Default::default()
-    };
-    let gradients = NonlinearCgOptions {
-        max_iterations: 3,
-        ..Default::default()
-    };
-    let few: [Box<dyn Equilibrium>; 2] = [
-        Box::new(DynamicRelaxation::new(relaxation)),
-        Box::new(NonlinearCg::new(gradients)),
-    ];
+    let relaxation = DynamicRelaxationOptions { max_steps: 20, ..Default::default() };
+    let gradients = NonlinearCgOptions { max_iterations: 3, ..Default::default() };
+    let few: [Box<dyn Equilibrium>; 2] = [Box::new(DynamicRelaxation::new(relaxation)), Box::new(NonlinearCg::new(gradients))];
     for mut method in few {
         match method.equilibrate(&mut truss, 1.0, &mut vec![0.0; n], None) {
-            Err(EquilibriumError::NotConverged {
-                residual,
-                worst_dof,
-                ..
-            }) => {
+            Err(EquilibriumError::NotConverged { residual, worst_dof, .. }) => {
                 assert!(residual > 1e-4 && residual.is_finite() && !truss.fixed[worst_dof]);
             }
             other => panic!("{other:?}"),
         }
     }
     let program = LoadSteps::uniform(0.0, 1.0, 1);
-    assert!(
-        program
-            .run(
-                &mut truss,
-                &mut DynamicRelaxation::default(),
-                &mut vec![0.0; n],
-                &mut Silent,
-                None
-            )
-            .is_ok()
-    );
+    assert!(program.run(&mut truss, &mut DynamicRelaxation::default(), &mut vec![0.0; n], &mut Silent, None).is_ok());
 }

@@ -41,11 +41,7 @@ impl Context {
             Some(lead) => {
                 let start = node.span.start + (lead + range.start) as u32;
                 let end = node.span.start + (lead + range.end) as u32;
-                Span {
-                    start: start.min(node.span.end),
-                    end: end.max(start).min(node.span.end),
-                    ..node.span
-                }
+                Span { start: start.min(node.span.end), end: end.max(start).min(node.span.end), ..node.span }
             }
             None => node.span,
         }
@@ -80,25 +76,12 @@ pub(crate) struct Entries<'n> {
 impl<'n> Entries<'n> {
     pub fn open(node: &'n Node, what: &'static str, cx: &mut Context) -> Option<Self> {
         match &node.content {
-            Content::Map(entries) => Some(Self {
-                entries,
-                known: Vec::new(),
-                span: node.span,
-                what,
-            }),
-            _ if node.is_null() => Some(Self {
-                entries: &[],
-                known: Vec::new(),
-                span: node.span,
-                what,
-            }),
+            Content::Map(entries) => Some(Self { entries, known: Vec::new(), span: node.span, what }),
+            _ if node.is_null() => Some(Self { entries: &[], known: Vec::new(), span: node.span, what }),
             _ => {
                 cx.fault(
                     node.span,
-                    format!(
-                        "a map of keys is needed here, but {} was found",
-                        node.shown()
-                    ),
+                    format!("a map of keys is needed here, but {} was found", node.shown()),
                     "write `key: value` in the lines below, or `{key: value}`",
                 );
                 None
@@ -107,26 +90,15 @@ impl<'n> Entries<'n> {
     }
 
     /// Reads `key`; the default, given as deck text, if it is absent.
-    pub fn read<T: Decode>(
-        &mut self,
-        key: &'static str,
-        default: Option<&str>,
-        cx: &mut Context,
-    ) -> Option<T> {
+    pub fn read<T: Decode>(&mut self, key: &'static str, default: Option<&str>, cx: &mut Context) -> Option<T> {
         self.known.push(key);
         let entry = self.entries.iter().find(|entry| entry.key == key);
         let optional = T::absent();
         match entry {
-            Some(entry)
-                if !(entry.value.is_null() && (optional.is_some() || default.is_some())) =>
-            {
+            Some(entry) if !(entry.value.is_null() && (optional.is_some() || default.is_some())) => {
                 let node = &entry.value;
                 if node.is_null() {
-                    cx.fault(
-                        entry.key_span,
-                        format!("`{key}` has no value"),
-                        "write a value after the `:`",
-                    );
+                    cx.fault(entry.key_span, format!("`{key}` has no value"), "write a value after the `:`");
                     return None;
                 }
                 T::decode(node, cx)
@@ -135,11 +107,7 @@ impl<'n> Entries<'n> {
             _ => match default {
                 Some(text) => T::decode(&super::tree::fragment(text, self.span), cx),
                 None => {
-                    cx.fault(
-                        first_line(self.span, &cx.sources),
-                        format!("`{key}` is missing in {}", self.what),
-                        format!("add `{key}: …`"),
-                    );
+                    cx.fault(first_line(self.span, &cx.sources), format!("`{key}` is missing in {}", self.what), format!("add `{key}: …`"));
                     None
                 }
             },
@@ -148,17 +116,9 @@ impl<'n> Entries<'n> {
 
     /// Notes all keys that were not read.
     pub fn close(self, cx: &mut Context) {
-        for entry in self
-            .entries
-            .iter()
-            .filter(|entry| !self.known.contains(&entry.key.as_str()))
-        {
+        for entry in self.entries.iter().filter(|entry| !self.known.contains(&entry.key.as_str())) {
             let message = format!("`{}` is not a key of {}", entry.key, self.what);
-            cx.fault(
-                entry.key_span,
-                message,
-                suggest(&entry.key, self.known.iter().copied()),
-            );
+            cx.fault(entry.key_span, message, suggest(&entry.key, self.known.iter().copied()));
         }
     }
 }
@@ -166,10 +126,7 @@ impl<'n> Entries<'n> {
 /// The part of `span` in its first line: a fault of a whole block is shown at its beginning.
 fn first_line(span: Span, sources: &Sources) -> Span {
     let length = sources.slice(span).lines().next().map_or(0, str::len) as u32;
-    Span {
-        end: span.start + length,
-        ..span
-    }
+    Span { end: span.start + length, ..span }
 }
 
 /// The name of the one variant a node chooses, and its settings.
@@ -180,34 +137,12 @@ pub(crate) struct Chosen<'n> {
 }
 
 /// Reads `name` or `{name: settings}`.
-pub(crate) fn chosen<'n>(
-    node: &'n Node,
-    what: &str,
-    names: &[&'static str],
-    cx: &mut Context,
-) -> Option<Chosen<'n>> {
-    let list = || {
-        format!(
-            "choose one of {}",
-            names
-                .iter()
-                .map(|name| format!("`{name}`"))
-                .collect::<Vec<_>>()
-                .join(", ")
-        )
-    };
+pub(crate) fn chosen<'n>(node: &'n Node, what: &str, names: &[&'static str], cx: &mut Context) -> Option<Chosen<'n>> {
+    let list = || format!("choose one of {}", names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "));
     match &node.content {
-        Content::Scalar(scalar) if !node.is_null() => Some(Chosen {
-            name: &scalar.text,
-            span: node.span,
-            settings: None,
-        }),
+        Content::Scalar(scalar) if !node.is_null() => Some(Chosen { name: &scalar.text, span: node.span, settings: None }),
         Content::Map(entries) => match entries.as_slice() {
-            [entry] => Some(Chosen {
-                name: &entry.key,
-                span: entry.key_span,
-                settings: Some(&entry.value),
-            }),
+            [entry] => Some(Chosen { name: &entry.key, span: entry.key_span, settings: Some(&entry.value) }),
             [] => {
                 cx.fault(node.span, format!("{what} is empty"), list());
                 None
@@ -215,20 +150,10 @@ pub(crate) fn chosen<'n>(
             [first, rest @ ..] => {
                 let known = |entry: &&Entry| names.contains(&entry.key.as_str());
                 let (span, message) = match rest.iter().find(known) {
-                    Some(second) => (
-                        second.key_span,
-                        format!(
-                            "{what} is one kind, but both `{}` and `{}` are given",
-                            first.key, second.key
-                        ),
-                    ),
-                    None => (
-                        rest[0].key_span,
-                        format!(
-                            "{what} has one key, but `{}` follows `{}`",
-                            rest[0].key, first.key
-                        ),
-                    ),
+                    Some(second) => {
+                        (second.key_span, format!("{what} is one kind, but both `{}` and `{}` are given", first.key, second.key))
+                    }
+                    None => (rest[0].key_span, format!("{what} has one key, but `{}` follows `{}`", rest[0].key, first.key)),
                 };
                 let help = "keep one; in a list begin each with `-`, and indent the settings of one below its name";
                 cx.fault(span, message, help);
@@ -236,11 +161,7 @@ pub(crate) fn chosen<'n>(
             }
         },
         _ => {
-            cx.fault(
-                node.span,
-                format!("{what} is needed here, but {} was found", node.shown()),
-                list(),
-            );
+            cx.fault(node.span, format!("{what} is needed here, but {} was found", node.shown()), list());
             None
         }
     }
@@ -248,21 +169,11 @@ pub(crate) fn chosen<'n>(
 
 /// Joins the lines of a doc comment.
 pub(crate) fn description(lines: &[&str]) -> String {
-    lines
-        .iter()
-        .map(|line| line.trim())
-        .collect::<Vec<_>>()
-        .join("\n")
-        .trim()
-        .replace('\n', " ")
+    lines.iter().map(|line| line.trim()).collect::<Vec<_>>().join("\n").trim().replace('\n', " ")
 }
 
 /// One property of a schema: the schema of its type, with what the key means and its default.
-pub(crate) fn property<T: JsonSchema>(
-    generator: &mut SchemaGenerator,
-    docs: &[&str],
-    default: Option<&str>,
-) -> Schema {
+pub(crate) fn property<T: JsonSchema>(generator: &mut SchemaGenerator, docs: &[&str], default: Option<&str>) -> Schema {
     let mut schema = generator.subschema_for::<T>();
     let mut text = description(docs);
     if let Some(default) = default.filter(|default| !matches!(*default, "{}" | "[]")) {
@@ -477,30 +388,12 @@ pub(crate) struct Bound {
     holds: fn(f64) -> bool,
 }
 
-pub(crate) const POSITIVE: Bound = Bound {
-    text: "positive",
-    holds: |value| value > 0.0,
-};
-pub(crate) const NOT_NEGATIVE: Bound = Bound {
-    text: "zero or positive",
-    holds: |value| value >= 0.0,
-};
-pub(crate) const FRACTION: Bound = Bound {
-    text: "positive and at most 1",
-    holds: |value| value > 0.0 && value <= 1.0,
-};
-pub(crate) const BELOW_HALF: Bound = Bound {
-    text: "at least 0 and below 0.5",
-    holds: |value| (0.0..0.5).contains(&value),
-};
-pub(crate) const POISSON: Bound = Bound {
-    text: "above -1 and at most 0.5",
-    holds: |value| value > -1.0 && value <= 0.5,
-};
-pub(crate) const DIMENSION: Bound = Bound {
-    text: "1, 2 or 3",
-    holds: |value| (1.0..=3.0).contains(&value),
-};
+pub(crate) const POSITIVE: Bound = Bound { text: "positive", holds: |value| value > 0.0 };
+pub(crate) const NOT_NEGATIVE: Bound = Bound { text: "zero or positive", holds: |value| value >= 0.0 };
+pub(crate) const FRACTION: Bound = Bound { text: "positive and at most 1", holds: |value| value > 0.0 && value <= 1.0 };
+pub(crate) const BELOW_HALF: Bound = Bound { text: "at least 0 and below 0.5", holds: |value| (0.0..0.5).contains(&value) };
+pub(crate) const POISSON: Bound = Bound { text: "above -1 and at most 0.5", holds: |value| value > -1.0 && value <= 0.5 };
+pub(crate) const DIMENSION: Bound = Bound { text: "1, 2 or 3", holds: |value| (1.0..=3.0).contains(&value) };
 
 /// Has numbers whose range can be checked.
 pub(crate) trait Numbers {
@@ -558,11 +451,7 @@ pub(crate) fn check_bound<T: Numbers>(value: &T, bound: &Bound, cx: &mut Context
         } else {
             format!("`{written}` = {number}")
         };
-        cx.fault(
-            span,
-            format!("the value must be {}, but is {shown}", bound.text),
-            "",
-        );
+        cx.fault(span, format!("the value must be {}, but is {shown}", bound.text), "");
     }
 }
 
@@ -617,19 +506,12 @@ pub struct SetName {
 impl Decode for SetName {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
         let value = String::decode(node, cx)?;
-        if let Some(known) = cx
-            .set_names
-            .as_ref()
-            .filter(|known| !known.contains(&value))
-        {
+        if let Some(known) = cx.set_names.as_ref().filter(|known| !known.contains(&value)) {
             let help = suggest(&value, known.iter().map(String::as_str));
             cx.fault(node.span, format!("there is no set `{value}`"), help);
             return None;
         }
-        Some(Self {
-            value,
-            span: node.span,
-        })
+        Some(Self { value, span: node.span })
     }
 }
 
@@ -654,10 +536,7 @@ pub type Text = Spanned<String>;
 
 impl<T: Decode> Decode for Spanned<T> {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
-        T::decode(node, cx).map(|value| Self {
-            value,
-            span: node.span,
-        })
+        T::decode(node, cx).map(|value| Self { value, span: node.span })
     }
 }
 
@@ -665,11 +544,7 @@ impl Decode for String {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
         let text = node.as_scalar().map(|scalar| scalar.text.clone());
         if text.is_none() {
-            cx.fault(
-                node.span,
-                format!("a text is needed here, but {} was found", node.shown()),
-                "write one word or a text in quotes",
-            );
+            cx.fault(node.span, format!("a text is needed here, but {} was found", node.shown()), "write one word or a text in quotes");
         }
         text
     }
@@ -681,11 +556,7 @@ impl Decode for bool {
             Some("true") => Some(true),
             Some("false") => Some(false),
             _ => {
-                cx.fault(
-                    node.span,
-                    format!("{} is neither `true` nor `false`", node.shown()),
-                    "write `true` or `false`",
-                );
+                cx.fault(node.span, format!("{} is neither `true` nor `false`", node.shown()), "write `true` or `false`");
                 None
             }
         }
@@ -729,10 +600,7 @@ impl<T: Decode, const N: usize> Decode for [T; N] {
         let Content::List(items) = &node.content else {
             cx.fault(
                 node.span,
-                format!(
-                    "a list of {N} values is needed here, but {} was found",
-                    node.shown()
-                ),
+                format!("a list of {N} values is needed here, but {} was found", node.shown()),
                 format!("write `[{}]`", vec!["…"; N].join(", ")),
             );
             return None;
@@ -740,10 +608,7 @@ impl<T: Decode, const N: usize> Decode for [T; N] {
         if items.len() != N {
             cx.fault(
                 node.span,
-                format!(
-                    "a list of {N} values is needed here, but it has {}",
-                    items.len()
-                ),
+                format!("a list of {N} values is needed here, but it has {}", items.len()),
                 format!("write `[{}]`", vec!["…"; N].join(", ")),
             );
             return None;
@@ -805,9 +670,7 @@ impl<T> Dictionary<T> {
 
     /// The value called `name`.
     pub fn get(&self, name: &str) -> Option<&T> {
-        self.iter()
-            .find(|(key, _)| key.value == name)
-            .map(|(_, value)| value)
+        self.iter().find(|(key, _)| key.value == name).map(|(_, value)| value)
     }
 
     /// How many there are.
@@ -829,22 +692,10 @@ impl<T: Decode> Decode for Dictionary<T> {
             .iter()
             .map(|entry| {
                 if entry.value.is_null() {
-                    cx.fault(
-                        entry.key_span,
-                        format!("`{}` has no value", entry.key),
-                        "write a value after the `:`",
-                    );
+                    cx.fault(entry.key_span, format!("`{}` has no value", entry.key), "write a value after the `:`");
                     return None;
                 }
-                T::decode(&entry.value, cx).map(|value| {
-                    (
-                        Spanned {
-                            value: entry.key.clone(),
-                            span: entry.key_span,
-                        },
-                        value,
-                    )
-                })
+                T::decode(&entry.value, cx).map(|value| (Spanned { value: entry.key.clone(), span: entry.key_span }, value))
             })
             .collect();
         all.into_iter().collect::<Option<Vec<_>>>().map(Self)
@@ -904,33 +755,17 @@ impl Decode for Position {
         if !(1..=3).contains(&coordinates.len()) {
             cx.fault(
                 node.span,
-                format!(
-                    "a position has 1 to 3 coordinates, not {}",
-                    coordinates.len()
-                ),
+                format!("a position has 1 to 3 coordinates, not {}", coordinates.len()),
                 "write `[x, y]` in 2D, `[x, y, z]` in 3D",
             );
             return None;
         }
-        if let Some(dimension) = cx
-            .dimension
-            .filter(|dimension| *dimension != coordinates.len())
-        {
-            let message = format!(
-                "the position has {} coordinates, but the body has dimension {dimension}",
-                coordinates.len()
-            );
-            cx.fault(
-                node.span,
-                message,
-                format!("write `[{}]`", ["x", "x, y", "x, y, z"][dimension - 1]),
-            );
+        if let Some(dimension) = cx.dimension.filter(|dimension| *dimension != coordinates.len()) {
+            let message = format!("the position has {} coordinates, but the body has dimension {dimension}", coordinates.len());
+            cx.fault(node.span, message, format!("write `[{}]`", ["x", "x, y", "x, y, z"][dimension - 1]));
             return None;
         }
-        Some(Self {
-            coordinates,
-            span: node.span,
-        })
+        Some(Self { coordinates, span: node.span })
     }
 }
 

@@ -88,16 +88,11 @@ fn truth(value: bool) -> f64 {
 
 /// Whether `name` means something in every expression, so that no parameter may be called so.
 pub fn is_reserved(name: &str) -> bool {
-    matches!(name, "x" | "y" | "z" | "t")
-        || KEYWORDS.contains(&name)
-        || CONSTANTS.iter().any(|c| c.0 == name)
-        || is_function(name)
+    matches!(name, "x" | "y" | "z" | "t") || KEYWORDS.contains(&name) || CONSTANTS.iter().any(|c| c.0 == name) || is_function(name)
 }
 
 fn is_function(name: &str) -> bool {
-    FUNCTIONS.iter().any(|f| f.0 == name)
-        || FUNCTIONS_OF_TWO.iter().any(|f| f.0 == name)
-        || name == "where"
+    FUNCTIONS.iter().any(|f| f.0 == name) || FUNCTIONS_OF_TWO.iter().any(|f| f.0 == name) || name == "where"
 }
 
 /// What an expression can look up: the variables of its key and the parameters of the deck.
@@ -158,13 +153,7 @@ impl fmt::Debug for Expr {
 impl Expr {
     /// The expression that is `value` everywhere.
     pub fn of(value: f64) -> Self {
-        Self {
-            program: [Op::Push(value)].into(),
-            constant: Some(value),
-            uses: [false; 4],
-            truth: false,
-            shallow: true,
-        }
+        Self { program: [Op::Push(value)].into(), constant: Some(value), uses: [false; 4], truth: false, shallow: true }
     }
 
     /// Piecewise linear interpolation in variable `of` (0 to 2: coordinate, 3: time) through `rows` of abscissa and
@@ -172,32 +161,15 @@ impl Expr {
     pub fn table(rows: &[[f64; 2]], of: usize) -> Self {
         let mut uses = [false; 4];
         uses[of.min(3)] = true;
-        Self {
-            program: [Op::Load(of.min(3)), Op::Table(rows.into())].into(),
-            constant: None,
-            uses,
-            truth: false,
-            shallow: true,
-        }
+        Self { program: [Op::Load(of.min(3)), Op::Table(rows.into())].into(), constant: None, uses, truth: false, shallow: true }
     }
 
     /// Reads `text`; `variables` lists the allowed variables and their slots (0 to 2: coordinate, 3: time).
     ///
     /// # Errors
     /// All unknown names, or the first place where the text is not an expression.
-    pub fn parse(
-        text: &str,
-        variables: &[(&str, usize)],
-        scope: &dyn Scope,
-    ) -> Result<Self, Vec<ExpressionError>> {
-        let mut parser = Parser {
-            text,
-            at: 0,
-            depth: 0,
-            variables,
-            scope,
-            errors: Vec::new(),
-        };
+    pub fn parse(text: &str, variables: &[(&str, usize)], scope: &dyn Scope) -> Result<Self, Vec<ExpressionError>> {
+        let mut parser = Parser { text, at: 0, depth: 0, variables, scope, errors: Vec::new() };
         let tree = match parser.whole() {
             Ok(tree) => tree,
             Err(error) => {
@@ -219,19 +191,10 @@ impl Expr {
                 help: "name a part of it as a parameter, or write it with fewer parentheses".into(),
             }]);
         }
-        let mut expression = Self {
-            program: program.into(),
-            constant: None,
-            uses,
-            truth,
-            shallow: depth <= SHALLOW,
-        };
+        let mut expression = Self { program: program.into(), constant: None, uses, truth, shallow: depth <= SHALLOW };
         if uses == [false; 4] {
             let value = expression.eval([0.0; 3], 0.0);
-            expression = Self {
-                truth,
-                ..Self::of(value)
-            };
+            expression = Self { truth, ..Self::of(value) };
         }
         Ok(expression)
     }
@@ -285,11 +248,7 @@ impl Expr {
                 }
                 Op::Select => {
                     // condition, then, else
-                    stack[top - 3] = if stack[top - 3] != 0.0 {
-                        stack[a]
-                    } else {
-                        stack[b]
-                    };
+                    stack[top - 3] = if stack[top - 3] != 0.0 { stack[a] } else { stack[b] };
                     top -= 2;
                 }
             }
@@ -458,17 +417,8 @@ impl<'a> Parser<'a> {
         self.at += rest.len() - rest.trim_start().len();
     }
 
-    fn wrong(
-        &self,
-        range: Range<usize>,
-        message: impl Into<String>,
-        help: impl Into<String>,
-    ) -> ExpressionError {
-        ExpressionError {
-            range,
-            message: message.into(),
-            help: help.into(),
-        }
+    fn wrong(&self, range: Range<usize>, message: impl Into<String>, help: impl Into<String>) -> ExpressionError {
+        ExpressionError { range, message: message.into(), help: help.into() }
     }
 
     /// What stands here, for messages.
@@ -489,20 +439,14 @@ impl<'a> Parser<'a> {
         if !rest.starts_with(|c: char| c.is_alphabetic() || c == '_') {
             return None;
         }
-        let end = rest
-            .find(|c: char| !(c.is_alphanumeric() || c == '_'))
-            .unwrap_or(rest.len());
+        let end = rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
         Some(&rest[..end])
     }
 
     fn accept(&mut self, symbols: &[&str]) -> bool {
         self.skip();
         for symbol in symbols {
-            let found = if symbol.starts_with(char::is_alphabetic) {
-                self.word() == Some(symbol)
-            } else {
-                self.rest().starts_with(symbol)
-            };
+            let found = if symbol.starts_with(char::is_alphabetic) { self.word() == Some(symbol) } else { self.rest().starts_with(symbol) };
             if found {
                 self.at += symbol.len();
                 return true;
@@ -525,11 +469,7 @@ impl<'a> Parser<'a> {
     fn whole(&mut self) -> Parsed {
         if self.text.len() > LONGEST {
             let message = format!("the expression is longer than {LONGEST} characters");
-            return Err(self.wrong(
-                0..self.text.len(),
-                message,
-                "name parts of it as parameters, or use a table",
-            ));
+            return Err(self.wrong(0..self.text.len(), message, "name parts of it as parameters, or use a table"));
         }
         let tree = self.conditional()?;
         self.skip();
@@ -552,10 +492,7 @@ impl<'a> Parser<'a> {
             return Ok(());
         }
         let range = start..self.text[..self.at].trim_end().len().max(start);
-        let message = format!(
-            "`{}` is a number, but a condition is needed here",
-            self.text[range.clone()].trim()
-        );
+        let message = format!("`{}` is a number, but a condition is needed here", self.text[range.clone()].trim());
         Err(self.wrong(range, message, "write a comparison, such as `x < 0`"))
     }
 
@@ -571,26 +508,18 @@ impl<'a> Parser<'a> {
         self.condition(start, &condition)?;
         if !self.accept(&["else"]) {
             let (range, found) = self.here();
-            return Err(self.wrong(
-                range,
-                format!("`else` is expected before {found}"),
-                "write `1.0 if x < 0 else 2.0`",
-            ));
+            return Err(self.wrong(range, format!("`else` is expected before {found}"), "write `1.0 if x < 0 else 2.0`"));
         }
         let no = self.nested(Self::conditional)?;
         Ok(Tree::select(condition, yes, no))
     }
 
     fn disjunction(&mut self) -> Parsed {
-        self.logic(&["or", "||"], Self::conjunction, |a, b| {
-            truth(a != 0.0 || b != 0.0)
-        })
+        self.logic(&["or", "||"], Self::conjunction, |a, b| truth(a != 0.0 || b != 0.0))
     }
 
     fn conjunction(&mut self) -> Parsed {
-        self.logic(&["and", "&&"], Self::negation, |a, b| {
-            truth(a != 0.0 && b != 0.0)
-        })
+        self.logic(&["and", "&&"], Self::negation, |a, b| truth(a != 0.0 && b != 0.0))
     }
 
     fn logic(&mut self, symbols: &[&str], part: fn(&mut Self) -> Parsed, function: Two) -> Parsed {
@@ -611,8 +540,7 @@ impl<'a> Parser<'a> {
 
     fn negation(&mut self) -> Parsed {
         self.skip();
-        let not = self.word() == Some("not")
-            || self.rest().starts_with('!') && !self.rest().starts_with("!=");
+        let not = self.word() == Some("not") || self.rest().starts_with('!') && !self.rest().starts_with("!=");
         if !not {
             return self.comparison();
         }
@@ -621,11 +549,7 @@ impl<'a> Parser<'a> {
         let start = self.at;
         let part = self.nested(Self::negation)?;
         self.condition(start, &part)?;
-        Ok(Tree::two(
-            Operator::Logic(|a, b| truth(a == b)),
-            part,
-            Tree::Number(0.0),
-        ))
+        Ok(Tree::two(Operator::Logic(|a, b| truth(a == b)), part, Tree::Number(0.0)))
     }
 
     fn comparison(&mut self) -> Parsed {
@@ -644,11 +568,7 @@ impl<'a> Parser<'a> {
             let pair = Tree::two(Operator::Logic(*function), left, right.clone());
             all = Some(match all {
                 None => pair,
-                Some(before) => Tree::two(
-                    Operator::Logic(|a, b| truth(a != 0.0 && b != 0.0)),
-                    before,
-                    pair,
-                ),
+                Some(before) => Tree::two(Operator::Logic(|a, b| truth(a != 0.0 && b != 0.0)), before, pair),
             });
             left = right;
         }
@@ -700,11 +620,7 @@ impl<'a> Parser<'a> {
         let base = self.atom()?;
         if self.accept(&["^", "**"]) {
             let exponent = self.nested(Self::signed)?;
-            return Ok(Tree::two(
-                Operator::Arithmetic(Op::Two(power)),
-                base,
-                exponent,
-            ));
+            return Ok(Tree::two(Operator::Arithmetic(Op::Two(power)), base, exponent));
         }
         Ok(base)
     }
@@ -717,10 +633,7 @@ impl<'a> Parser<'a> {
             self.close(start)?;
             return Ok(inner);
         }
-        if self
-            .rest()
-            .starts_with(|c: char| c.is_ascii_digit() || c == '.')
-        {
+        if self.rest().starts_with(|c: char| c.is_ascii_digit() || c == '.') {
             return self.number();
         }
         match self.word() {
@@ -736,11 +649,7 @@ impl<'a> Parser<'a> {
             Some(word) => {
                 self.at += word.len();
                 self.skip();
-                if self.rest().starts_with('(') {
-                    self.call(word, start)
-                } else {
-                    self.name(word, start)
-                }
+                if self.rest().starts_with('(') { self.call(word, start) } else { self.name(word, start) }
             }
         }
     }
@@ -753,11 +662,7 @@ impl<'a> Parser<'a> {
         if found == "the end" {
             return Err(self.wrong(open..open + 1, "this `(` is not closed", "add a `)`"));
         }
-        Err(self.wrong(
-            range,
-            format!("{found} is not expected here"),
-            "an operator, `,` or `)` is expected here",
-        ))
+        Err(self.wrong(range, format!("{found} is not expected here"), "an operator, `,` or `)` is expected here"))
     }
 
     fn number(&mut self) -> Parsed {
@@ -776,11 +681,7 @@ impl<'a> Parser<'a> {
                 }
                 Ok(Tree::Number(value))
             }
-            Err(_) => Err(self.wrong(
-                range,
-                "this is not a number",
-                "write for example `0.5` or `1e-3`",
-            )),
+            Err(_) => Err(self.wrong(range, "this is not a number", "write for example `0.5` or `1e-3`")),
         }
     }
 
@@ -790,8 +691,7 @@ impl<'a> Parser<'a> {
         if let Some((_, slot)) = self.variables.iter().find(|variable| variable.0 == name) {
             if parameter.is_some() {
                 let message = format!("`{name}` is both the variable of this key and a parameter");
-                self.errors
-                    .push(self.wrong(range, message, "give the parameter another name"));
+                self.errors.push(self.wrong(range, message, "give the parameter another name"));
             }
             return Ok(Tree::Variable(*slot));
         }
@@ -818,44 +718,22 @@ impl<'a> Parser<'a> {
             _ => {}
         }
         let (message, help) = if KEYWORDS.contains(&name) {
-            return Err(self.wrong(
-                range,
-                format!("`{name}` is not expected here"),
-                "write `1.0 if x < 0 else 2.0`, `a and not b`",
-            ));
+            return Err(self.wrong(range, format!("`{name}` is not expected here"), "write `1.0 if x < 0 else 2.0`, `a and not b`"));
         } else if is_function(name) {
-            (
-                format!("function `{name}` has no argument"),
-                format!("write `{name}(…)`"),
-            )
+            (format!("function `{name}` has no argument"), format!("write `{name}(…)`"))
         } else if matches!(name, "x" | "y" | "z" | "t") {
-            let allowed: Vec<String> = self
-                .variables
-                .iter()
-                .map(|variable| format!("`{}`", variable.0))
-                .collect();
+            let allowed: Vec<String> = self.variables.iter().map(|variable| format!("`{}`", variable.0)).collect();
             let help = if allowed.is_empty() {
                 "this value is one number: only parameters may occur in it".into()
             } else {
-                format!(
-                    "this value may depend on {} and parameters only",
-                    allowed.join(", ")
-                )
+                format!("this value may depend on {} and parameters only", allowed.join(", "))
             };
             (format!("`{name}` cannot be used here"), help)
         } else {
             let parameters = self.scope.parameters();
-            let known = self
-                .variables
-                .iter()
-                .map(|variable| variable.0)
-                .chain(parameters)
-                .chain(["pi"]);
+            let known = self.variables.iter().map(|variable| variable.0).chain(parameters).chain(["pi"]);
             let known: Vec<&str> = known.collect();
-            (
-                format!("`{name}` is neither a variable nor a parameter"),
-                super::report::suggest(name, known),
-            )
+            (format!("`{name}` is neither a variable nor a parameter"), super::report::suggest(name, known))
         };
         self.errors.push(self.wrong(range, message, help));
         // `true` and a number at once, so that one unknown name gives one message.
@@ -883,11 +761,7 @@ impl<'a> Parser<'a> {
         self.close(open)?;
         let count = arguments.len();
         let wants = |many: &str| {
-            self.wrong(
-                start..self.at,
-                format!("`{name}` takes {many}, not {count}"),
-                format!("write for example `{}`", example(name)),
-            )
+            self.wrong(start..self.at, format!("`{name}` takes {many}, not {count}"), format!("write for example `{}`", example(name)))
         };
         if name == "where" {
             let Ok([condition, yes, no]) = <[Tree; 3]>::try_from(arguments) else {
@@ -901,33 +775,17 @@ impl<'a> Parser<'a> {
             };
             return Ok(Tree::one(*function, argument));
         }
-        if let Some((_, function, more)) =
-            FUNCTIONS_OF_TWO.iter().find(|function| function.0 == name)
-        {
+        if let Some((_, function, more)) = FUNCTIONS_OF_TWO.iter().find(|function| function.0 == name) {
             if count < 2 || count > 2 && !more {
-                return Err(wants(if *more {
-                    "two or more arguments"
-                } else {
-                    "two arguments"
-                }));
+                return Err(wants(if *more { "two or more arguments" } else { "two arguments" }));
             }
             let mut arguments = arguments.into_iter();
             let first = arguments.next().unwrap_or(Tree::Number(f64::NAN));
-            return Ok(arguments.fold(first, |a, b| {
-                Tree::two(Operator::Arithmetic(Op::Two(*function)), a, b)
-            }));
+            return Ok(arguments.fold(first, |a, b| Tree::two(Operator::Arithmetic(Op::Two(*function)), a, b)));
         }
-        let known = FUNCTIONS
-            .iter()
-            .map(|f| f.0)
-            .chain(FUNCTIONS_OF_TWO.iter().map(|f| f.0))
-            .chain(["where"]);
+        let known = FUNCTIONS.iter().map(|f| f.0).chain(FUNCTIONS_OF_TWO.iter().map(|f| f.0)).chain(["where"]);
         let known: Vec<&str> = known.collect();
-        self.errors.push(self.wrong(
-            range,
-            format!("`{name}` is not a known function"),
-            super::report::suggest(name, known),
-        ));
+        self.errors.push(self.wrong(range, format!("`{name}` is not a known function"), super::report::suggest(name, known)));
         Ok(Tree::Truth(f64::NAN))
     }
 }
@@ -946,12 +804,7 @@ fn example(name: &str) -> &'static str {
 /// How many bytes of `text` are an unsigned decimal number.
 pub(crate) fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
-    let digits = |from: usize| {
-        from + bytes[from..]
-            .iter()
-            .take_while(|b| b.is_ascii_digit())
-            .count()
-    };
+    let digits = |from: usize| from + bytes[from..].iter().take_while(|b| b.is_ascii_digit()).count();
     let mut end = digits(0);
     let mut any = end > 0;
     if bytes.get(end) == Some(&b'.') {
@@ -990,9 +843,7 @@ mod tests {
     const XYZT: [(&str, usize); 4] = [("x", 0), ("y", 1), ("z", 2), ("t", 3)];
 
     fn at(text: &str, p: [f64; 3], t: f64) -> f64 {
-        Expr::parse(text, &XYZT, &Names(&[("L", 8.0), ("m", 3.0)]))
-            .unwrap_or_else(|e| panic!("{text}: {e:?}"))
-            .eval(p, t)
+        Expr::parse(text, &XYZT, &Names(&[("L", 8.0), ("m", 3.0)])).unwrap_or_else(|e| panic!("{text}: {e:?}")).eval(p, t)
     }
 
     #[test]
@@ -1021,10 +872,7 @@ mod tests {
             ("x*t", 8.0),
         ] {
             let value = at(text, p, 4.0);
-            assert!(
-                (value - expected).abs() <= 4e-16 * expected.abs(),
-                "{text}: {value} instead of {expected}"
-            );
+            assert!((value - expected).abs() <= 4e-16 * expected.abs(), "{text}: {value} instead of {expected}");
         }
     }
 
@@ -1052,12 +900,7 @@ mod tests {
     #[test]
     fn constants_are_folded_and_uses_known() {
         let names = Names(&[("L", 8.0)]);
-        assert_eq!(
-            Expr::parse("2*L + sin(0)", &XYZT, &names)
-                .unwrap()
-                .constant(),
-            Some(16.0)
-        );
+        assert_eq!(Expr::parse("2*L + sin(0)", &XYZT, &names).unwrap().constant(), Some(16.0));
         let moving = Expr::parse("L*sin(t)*y", &XYZT, &names).unwrap();
         assert_eq!(moving.constant(), None);
         assert!(moving.depends_on_time() && moving.depends_on(1) && !moving.depends_on(0));
@@ -1067,14 +910,7 @@ mod tests {
     #[test]
     fn tables_interpolate_and_stay_constant_outside() {
         let ramp = Expr::table(&[[0.0, 0.0], [1e-5, 2.0], [2e-5, 2.0]], 3);
-        for (t, expected) in [
-            (-1.0, 0.0),
-            (0.0, 0.0),
-            (2.5e-6, 0.5),
-            (1e-5, 2.0),
-            (1.5e-5, 2.0),
-            (9.0, 2.0),
-        ] {
+        for (t, expected) in [(-1.0, 0.0), (0.0, 0.0), (2.5e-6, 0.5), (1e-5, 2.0), (1.5e-5, 2.0), (9.0, 2.0)] {
             assert!((ramp.eval([0.0; 3], t) - expected).abs() < 1e-15, "{t}");
         }
     }
@@ -1124,22 +960,14 @@ mod tests {
     #[ignore = "prints times"]
     fn speed() {
         let names = Names(&[("L", 8.0)]);
-        for text in [
-            "x*sin(2*pi*t)",
-            "2*x + y",
-            "1.0 if x < 0 else 2.0",
-            "x > -0.5*L and x < 0.5*L",
-        ] {
+        for text in ["x*sin(2*pi*t)", "2*x + y", "1.0 if x < 0 else 2.0", "x > -0.5*L and x < 0.5*L"] {
             let expression = Expr::parse(text, &XYZT, &names).unwrap();
             let start = std::time::Instant::now();
             let mut sum = 0.0;
             for k in 0..1_000_000 {
                 sum += expression.eval([f64::from(k) * 1e-6, 0.5, 0.0], 0.3);
             }
-            println!(
-                "{text}: {:.0} ns ({sum})",
-                start.elapsed().as_secs_f64() * 1e3
-            );
+            println!("{text}: {:.0} ns ({sum})", start.elapsed().as_secs_f64() * 1e3);
         }
     }
 }

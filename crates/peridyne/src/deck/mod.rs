@@ -135,11 +135,7 @@ impl Deck {
     ///
     /// # Errors
     /// Every fault of the deck, or why the file cannot be read.
-    pub fn load(
-        path: &Path,
-        overrides: &[(String, String)],
-        run: Option<&str>,
-    ) -> Result<Self, DeckErrors> {
+    pub fn load(path: &Path, overrides: &[(String, String)], run: Option<&str>) -> Result<Self, DeckErrors> {
         Self::from_text(read_file(path)?, path, overrides, run)
     }
 
@@ -148,33 +144,21 @@ impl Deck {
     ///
     /// # Errors
     /// Every fault of the deck.
-    pub fn from_text(
-        text: String,
-        path: &Path,
-        overrides: &[(String, String)],
-        run: Option<&str>,
-    ) -> Result<Self, DeckErrors> {
+    pub fn from_text(text: String, path: &Path, overrides: &[(String, String)], run: Option<&str>) -> Result<Self, DeckErrors> {
         let mut sources = Sources::new(path);
         sources.add(path.display().to_string(), text);
         let mut issues = Vec::new();
         let Some(tree) = top(&sources, &mut issues) else {
             return Err(DeckErrors::new(issues, &sources));
         };
-        let changes: Vec<Entry> = overrides
-            .iter()
-            .filter_map(|(name, text)| read_override(name, text, &mut sources, &mut issues))
-            .collect();
+        let changes: Vec<Entry> =
+            overrides.iter().filter_map(|(name, text)| read_override(name, text, &mut sources, &mut issues)).collect();
 
         let mut current = tree.clone();
         let mut parameters = take_parameters(&mut current, &mut issues);
         choose_run(&current, run, &mut parameters, &mut issues);
         parameters::apply(&mut parameters, &changes, &mut issues);
-        let mut replacing = Replacing {
-            sources: &sources,
-            issues: &mut issues,
-            broken: Vec::new(),
-            placed: 0,
-        };
+        let mut replacing = Replacing { sources: &sources, issues: &mut issues, broken: Vec::new(), placed: 0 };
         replace_all(&mut current, &mut parameters, &mut replacing);
         let broken = replacing.broken;
         let told = issues.len();
@@ -198,34 +182,17 @@ impl Deck {
         parameters::evaluate(&parameters, &broken, &mut cx);
         cx.dimension = space_dimension(&current, &mut cx);
         let sections = Sections::decode(&current, &mut cx);
-        let Context {
-            parameters,
-            sources,
-            mut issues,
-            ..
-        } = cx;
+        let Context { parameters, sources, mut issues, .. } = cx;
         if let Some(sections) = &sections {
             references::check(sections, &mut issues);
         }
         let within = |issue: &Issue, outer: &Span| {
-            issue.span.source == outer.source
-                && outer.start <= issue.span.start
-                && issue.span.end <= outer.end
+            issue.span.source == outer.source && outer.start <= issue.span.start && issue.span.end <= outer.end
         };
         let later = issues.split_off(told);
-        issues.extend(
-            later
-                .into_iter()
-                .filter(|issue| !broken.iter().any(|outer| within(issue, outer))),
-        );
+        issues.extend(later.into_iter().filter(|issue| !broken.iter().any(|outer| within(issue, outer))));
         match sections {
-            Some(sections) if issues.is_empty() => Ok(Self {
-                sections,
-                parameters,
-                run: run.unwrap_or(DEFAULT_RUN).into(),
-                sources,
-                tree,
-            }),
+            Some(sections) if issues.is_empty() => Ok(Self { sections, parameters, run: run.unwrap_or(DEFAULT_RUN).into(), sources, tree }),
             _ => Err(with_paths(issues, &tree, &sources)),
         }
     }
@@ -241,46 +208,25 @@ impl Deck {
         let Some(tree) = top(&sources, &mut issues) else {
             return Err(DeckErrors::new(issues, &sources));
         };
-        let slow = |node: Option<&Node>| {
-            node.and_then(|node| node.get("slow"))
-                .and_then(Node::as_scalar)
-                .is_some_and(|slow| slow.text == "true")
-        };
+        let slow =
+            |node: Option<&Node>| node.and_then(|node| node.get("slow")).and_then(Node::as_scalar).is_some_and(|slow| slow.text == "true");
         let deck_slow = slow(tree.get("verify"));
         let runs = tree.get("runs").map_or(&[] as &[Entry], Node::entries);
         if runs.is_empty() {
-            return Ok(vec![RunName {
-                name: DEFAULT_RUN.into(),
-                slow: deck_slow,
-            }]);
+            return Ok(vec![RunName { name: DEFAULT_RUN.into(), slow: deck_slow }]);
         }
-        Ok(runs
-            .iter()
-            .map(|run| RunName {
-                name: run.key.clone(),
-                slow: deck_slow || slow(Some(&run.value)),
-            })
-            .collect())
+        Ok(runs.iter().map(|run| RunName { name: run.key.clone(), slow: deck_slow || slow(Some(&run.value)) }).collect())
     }
 
     /// What is expected of this run: the expectations of the deck, then those of the run.
     pub fn expectations(&self) -> impl Iterator<Item = &Expectation> {
-        let own = self
-            .sections
-            .runs
-            .get(&self.run)
-            .map_or(&[] as &[Expectation], |run| &run.expect);
+        let own = self.sections.runs.get(&self.run).map_or(&[] as &[Expectation], |run| &run.expect);
         self.sections.expect.iter().chain(own)
     }
 
     /// Whether this run, or the whole deck, is marked slow.
     pub fn is_slow(&self) -> bool {
-        self.sections.verify.slow
-            || self
-                .sections
-                .runs
-                .get(&self.run)
-                .is_some_and(|run| run.slow)
+        self.sections.verify.slow || self.sections.runs.get(&self.run).is_some_and(|run| run.slow)
     }
 
     /// The path of the deck.
@@ -295,11 +241,7 @@ impl Deck {
 
     /// A path of the deck as seen from the working folder: relative paths start from the folder of the deck.
     pub fn resolve(&self, path: &str) -> PathBuf {
-        self.sources
-            .path
-            .parent()
-            .unwrap_or(Path::new(""))
-            .join(path)
+        self.sources.path.parent().unwrap_or(Path::new("")).join(path)
     }
 
     /// Faults found by later checks, as one report with places and keys.
@@ -321,16 +263,11 @@ impl Deck {
             let parameters = self.parameters.iter().map(|parameter| {
                 let value = match parameter.value {
                     ParameterValue::Number(value, _) => value.into(),
-                    ParameterValue::Text(_) | ParameterValue::Faulty => {
-                        parameter.text.clone().into()
-                    }
+                    ParameterValue::Text(_) | ParameterValue::Faulty => parameter.text.clone().into(),
                 };
                 (parameter.name.clone(), value)
             });
-            map.insert(
-                "parameters".into(),
-                serde_json::Value::Object(parameters.collect()),
-            );
+            map.insert("parameters".into(), serde_json::Value::Object(parameters.collect()));
         }
         value
     }
@@ -339,9 +276,7 @@ impl Deck {
 fn read_file(path: &Path) -> Result<String, DeckErrors> {
     let bytes = std::fs::read(path).map_err(|error| {
         let help = match error.kind() {
-            std::io::ErrorKind::NotFound => {
-                "check the path; `peridyne new` writes a deck to start from"
-            }
+            std::io::ErrorKind::NotFound => "check the path; `peridyne new` writes a deck to start from",
             std::io::ErrorKind::PermissionDenied => "ask for permission to read it",
             _ => "a deck is one text file",
         };
@@ -357,15 +292,8 @@ fn read_file(path: &Path) -> Result<String, DeckErrors> {
     String::from_utf8(bytes).map_err(|error| {
         let sound = &error.as_bytes()[..error.utf8_error().valid_up_to()];
         let line = sound.iter().filter(|byte| **byte == b'\n').count() + 1;
-        let message = format!(
-            "is not UTF-8 text: byte {} in line {line} belongs to no character",
-            sound.len() + 1
-        );
-        DeckErrors::of_file(
-            path,
-            message,
-            "save the file as UTF-8; signs such as `µ` and `°` are the usual cause",
-        )
+        let message = format!("is not UTF-8 text: byte {} in line {line} belongs to no character", sound.len() + 1);
+        DeckErrors::of_file(path, message, "save the file as UTF-8; signs such as `µ` and `°` are the usual cause")
     })
 }
 
@@ -375,47 +303,22 @@ fn top(sources: &Sources, issues: &mut Vec<Issue>) -> Option<Node> {
     if matches!(tree.content, Content::Map(_)) {
         return Some(tree);
     }
-    let message = if tree.is_null() {
-        "the deck is empty".into()
-    } else {
-        format!(
-            "a deck is a map of sections, but {} was found",
-            tree.shown()
-        )
-    };
-    issues.push(Issue::new(
-        tree.span,
-        message,
-        "begin with `title:`, `body:`, `materials:`, `solver:`",
-    ));
+    let message =
+        if tree.is_null() { "the deck is empty".into() } else { format!("a deck is a map of sections, but {} was found", tree.shown()) };
+    issues.push(Issue::new(tree.span, message, "begin with `title:`, `body:`, `materials:`, `solver:`"));
     None
 }
 
 /// The names that sets may be called by; `None` if a file may bring more.
 fn set_names(tree: &Node) -> Option<Vec<String>> {
     let mut names = vec!["all".to_string()];
-    names.extend(
-        tree.get("sets")
-            .map_or(&[] as &[Entry], Node::entries)
-            .iter()
-            .map(|entry| entry.key.clone()),
-    );
-    if let Some(Content::List(sources)) = tree
-        .get("body")
-        .and_then(|body| body.get("points"))
-        .map(|points| &points.content)
-    {
+    names.extend(tree.get("sets").map_or(&[] as &[Entry], Node::entries).iter().map(|entry| entry.key.clone()));
+    if let Some(Content::List(sources)) = tree.get("body").and_then(|body| body.get("points")).map(|points| &points.content) {
         for entry in sources.iter().flat_map(Node::entries) {
             if entry.key == "file" {
                 return None;
             }
-            names.extend(
-                entry
-                    .value
-                    .get("block")
-                    .and_then(Node::as_scalar)
-                    .map(|block| block.text.clone()),
-            );
+            names.extend(entry.value.get("block").and_then(Node::as_scalar).map(|block| block.text.clone()));
         }
     }
     Some(names)
@@ -424,34 +327,16 @@ fn set_names(tree: &Node) -> Option<Vec<String>> {
 /// The dimension of space, needed before the body is read; its faults are told when the body is.
 fn space_dimension(tree: &Node, cx: &mut Context) -> Option<usize> {
     let before = cx.issues.len();
-    let dimension = tree
-        .get("body")
-        .and_then(|body| body.get("dimension"))
-        .and_then(|node| Count::decode(node, cx));
+    let dimension = tree.get("body").and_then(|body| body.get("dimension")).and_then(|node| Count::decode(node, cx));
     cx.issues.truncate(before);
-    dimension
-        .map(|count| count.value as usize)
-        .filter(|dimension| (1..=3).contains(dimension))
+    dimension.map(|count| count.value as usize).filter(|dimension| (1..=3).contains(dimension))
 }
 
-fn read_override(
-    name: &str,
-    text: &str,
-    sources: &mut Sources,
-    issues: &mut Vec<Issue>,
-) -> Option<Entry> {
+fn read_override(name: &str, text: &str, sources: &mut Sources, issues: &mut Vec<Issue>) -> Option<Entry> {
     let source = sources.add(format!("--set {name}"), text.to_string());
     let value = tree::read(sources, source, issues)?;
-    let key_span = Span {
-        source,
-        start: 0,
-        end: text.len() as u32,
-    };
-    Some(Entry {
-        key: name.to_string(),
-        key_span,
-        value,
-    })
+    let key_span = Span { source, start: 0, end: text.len() as u32 };
+    Some(Entry { key: name.to_string(), key_span, value })
 }
 
 /// Takes the entries of `parameters` out of the tree.
@@ -460,10 +345,7 @@ fn take_parameters(tree: &mut Node, issues: &mut Vec<Issue>) -> Vec<Entry> {
         Some(node) if !node.is_null() && !matches!(node.content, Content::Map(_)) => {
             issues.push(Issue::new(
                 node.span,
-                format!(
-                    "a map of names is needed here, but {} was found",
-                    node.shown()
-                ),
+                format!("a map of names is needed here, but {} was found", node.shown()),
                 "write `name: value` in the lines below",
             ));
             Vec::new()
@@ -477,10 +359,7 @@ fn take_parameters(tree: &mut Node, issues: &mut Vec<Issue>) -> Vec<Entry> {
 fn choose_run(tree: &Node, run: Option<&str>, parameters: &mut [Entry], issues: &mut Vec<Issue>) {
     let runs = tree.get("runs").map_or(&[] as &[Entry], Node::entries);
     for entry in runs {
-        let set = entry
-            .value
-            .get("set")
-            .map_or(&[] as &[Entry], Node::entries);
+        let set = entry.value.get("set").map_or(&[] as &[Entry], Node::entries);
         // Names are checked for all runs, values taken from one.
         let mut scratch = parameters.to_vec();
         parameters::apply(&mut scratch, set, issues);
@@ -495,23 +374,13 @@ fn choose_run(tree: &Node, run: Option<&str>, parameters: &mut [Entry], issues: 
             .entries()
             .iter()
             .find(|entry| entry.key == "runs")
-            .map_or(
-                Span {
-                    end: tree.span.start,
-                    ..tree.span
-                },
-                |entry| entry.key_span,
-            );
+            .map_or(Span { end: tree.span.start, ..tree.span }, |entry| entry.key_span);
         let help = if runs.is_empty() {
             format!("the deck has no `runs`; its only run is `{DEFAULT_RUN}`")
         } else {
             report::suggest(name, runs.iter().map(|entry| entry.key.as_str()))
         };
-        issues.push(Issue::new(
-            span,
-            format!("the deck has no run `{name}`"),
-            help,
-        ));
+        issues.push(Issue::new(span, format!("the deck has no run `{name}`"), help));
     }
 }
 
@@ -552,28 +421,17 @@ fn find_parameter(name: &str, known: &[Entry], later: &[Entry]) -> Result<Node, 
     }
     let message = format!("`${{{name}}}` does not name a parameter");
     if later.iter().any(|entry| entry.key == name) {
-        return Err(Replace {
-            message,
-            help: format!("`{name}` is defined further down; move it up"),
-        });
+        return Err(Replace { message, help: format!("`{name}` is defined further down; move it up") });
     }
     let names: Vec<&str> = known.iter().map(|entry| entry.key.as_str()).collect();
-    let help = if names.is_empty() {
-        "the deck has no parameters".into()
-    } else {
-        report::suggest(name, names)
-    };
+    let help = if names.is_empty() { "the deck has no parameters".into() } else { report::suggest(name, names) };
     Err(Replace { message, help })
 }
 
 /// Adds the paths of keys to faults that have none.
 fn with_paths(mut issues: Vec<Issue>, tree: &Node, sources: &Sources) -> DeckErrors {
     for issue in issues.iter_mut().filter(|issue| issue.path.is_empty()) {
-        issue.path = if issue.span.source == 0 {
-            tree.path_of(issue.span)
-        } else {
-            String::new()
-        };
+        issue.path = if issue.span.source == 0 { tree.path_of(issue.span) } else { String::new() };
     }
     DeckErrors::new(issues, sources)
 }
@@ -591,18 +449,13 @@ fn strip_nulls(value: &mut serde_json::Value) {
 
 impl Decode for UnitSystem {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
-        const HELP: &str =
-            "write `SI`, `mm-N-MPa` or `{length: mm, mass: t, time: s, temperature: K}`";
+        const HELP: &str = "write `SI`, `mm-N-MPa` or `{length: mm, mass: t, time: s, temperature: K}`";
         match &node.content {
             Content::Scalar(scalar) => match scalar.text.as_str() {
                 "SI" => Some(Self::si()),
                 "mm-N-MPa" => Some(Self::mm_n_mpa()),
                 _ => {
-                    cx.fault(
-                        node.span,
-                        format!("{} is not a system of units", node.shown()),
-                        HELP,
-                    );
+                    cx.fault(node.span, format!("{} is not a system of units", node.shown()), HELP);
                     None
                 }
             },
@@ -623,14 +476,7 @@ impl Decode for UnitSystem {
                             sound = false;
                         }
                         (_, None) => {
-                            cx.fault(
-                                entry.value.span,
-                                format!(
-                                    "a unit is needed here, but {} was found",
-                                    entry.value.shown()
-                                ),
-                                HELP,
-                            );
+                            cx.fault(entry.value.span, format!("a unit is needed here, but {} was found", entry.value.shown()), HELP);
                             sound = false;
                         }
                     }
@@ -645,11 +491,7 @@ impl Decode for UnitSystem {
                 }
             }
             Content::List(_) => {
-                cx.fault(
-                    node.span,
-                    "a system of units is needed here, but a list was found",
-                    HELP,
-                );
+                cx.fault(node.span, "a system of units is needed here, but a list was found", HELP);
                 None
             }
         }

@@ -45,12 +45,10 @@ impl Parameters {
 
     /// Name and value, in the units of the deck, of every numeric parameter.
     pub fn numbers(&self) -> impl Iterator<Item = (&str, f64)> {
-        self.all
-            .iter()
-            .filter_map(|parameter| match parameter.value {
-                ParameterValue::Number(value, _) => Some((parameter.name.as_str(), value)),
-                ParameterValue::Text(_) | ParameterValue::Faulty => None,
-            })
+        self.all.iter().filter_map(|parameter| match parameter.value {
+            ParameterValue::Number(value, _) => Some((parameter.name.as_str(), value)),
+            ParameterValue::Text(_) | ParameterValue::Faulty => None,
+        })
     }
 
     /// The parameter called `name`.
@@ -69,10 +67,7 @@ impl Scope for Parameters {
                 ParameterValue::Faulty => Err(String::new()),
             });
         }
-        self.later
-            .iter()
-            .any(|later| later == name)
-            .then(|| Err("it is defined further down; move it up".into()))
+        self.later.iter().any(|later| later == name).then(|| Err("it is defined further down; move it up".into()))
     }
 
     fn parameters(&self) -> Vec<&str> {
@@ -88,11 +83,7 @@ pub(crate) fn apply(parameters: &mut [Entry], changes: &[Entry], issues: &mut Ve
             None => {
                 let names: Vec<&str> = parameters.iter().map(|entry| entry.key.as_str()).collect();
                 let message = format!("the deck has no parameter `{}`", change.key);
-                let help = if names.is_empty() {
-                    "name it under `parameters:` first".into()
-                } else {
-                    suggest(&change.key, names)
-                };
+                let help = if names.is_empty() { "name it under `parameters:` first".into() } else { suggest(&change.key, names) };
                 issues.push(Issue::new(change.key_span, message, help));
             }
         }
@@ -103,25 +94,14 @@ pub(crate) fn apply(parameters: &mut [Entry], changes: &[Entry], issues: &mut Ve
 ///
 /// Those at a place in `broken` are faulty already, without being told again.
 pub(crate) fn evaluate(entries: &[Entry], broken: &[Span], cx: &mut Context) {
-    cx.parameters = Parameters {
-        all: Vec::new(),
-        later: entries.iter().map(|entry| entry.key.clone()).collect(),
-    };
+    cx.parameters = Parameters { all: Vec::new(), later: entries.iter().map(|entry| entry.key.clone()).collect() };
     for entry in entries {
         cx.parameters.later.retain(|later| *later != entry.key);
         if !check_name(entry, cx) {
             continue;
         }
-        let value = if broken.contains(&entry.value.span) {
-            ParameterValue::Faulty
-        } else {
-            value(&entry.value, cx)
-        };
-        cx.parameters.all.push(Parameter {
-            name: entry.key.clone(),
-            value,
-            text: entry.value.text(),
-        });
+        let value = if broken.contains(&entry.value.span) { ParameterValue::Faulty } else { value(&entry.value, cx) };
+        cx.parameters.all.push(Parameter { name: entry.key.clone(), value, text: entry.value.text() });
     }
 }
 
@@ -129,20 +109,10 @@ fn check_name(entry: &Entry, cx: &mut Context) -> bool {
     let name = &entry.key;
     if is_reserved(name) {
         let message = format!("`{name}` already has a meaning in expressions");
-        cx.issues.push(Issue::new(
-            entry.key_span,
-            message,
-            format!("give the parameter another name, such as `{name}_0`"),
-        ));
-    } else if !name.starts_with(|c: char| c.is_alphabetic() || c == '_')
-        || !name.chars().all(|c| c.is_alphanumeric() || c == '_')
-    {
+        cx.issues.push(Issue::new(entry.key_span, message, format!("give the parameter another name, such as `{name}_0`")));
+    } else if !name.starts_with(|c: char| c.is_alphabetic() || c == '_') || !name.chars().all(|c| c.is_alphanumeric() || c == '_') {
         let message = format!("`{name}` cannot be the name of a parameter");
-        cx.issues.push(Issue::new(
-            entry.key_span,
-            message,
-            "use letters, digits and `_`, and begin with a letter",
-        ));
+        cx.issues.push(Issue::new(entry.key_span, message, "use letters, digits and `_`, and begin with a letter"));
     } else {
         return true;
     }
@@ -154,41 +124,26 @@ fn value(node: &Node, cx: &mut Context) -> ParameterValue {
         return ParameterValue::Text("it is a list or a map".into());
     };
     if node.is_null() {
-        cx.issues.push(Issue::new(
-            node.span,
-            "the parameter has no value",
-            "write a number, an expression or a text",
-        ));
+        cx.issues.push(Issue::new(node.span, "the parameter has no value", "write a number, an expression or a text"));
         return ParameterValue::Faulty;
     }
     let before = cx.issues.len();
     match compile(node, &ANY, &[], cx) {
-        Some(Compiled {
-            expression,
-            dimension,
-            ..
-        }) => match expression.constant() {
+        Some(Compiled { expression, dimension, .. }) => match expression.constant() {
             Some(value) if value.is_finite() => ParameterValue::Number(value, dimension),
             Some(value) => {
-                cx.issues.push(Issue::new(
-                    node.span,
-                    format!("{} is {value}", node.shown()),
-                    "every parameter must be finite",
-                ));
+                cx.issues.push(Issue::new(node.span, format!("{} is {value}", node.shown()), "every parameter must be finite"));
                 ParameterValue::Faulty
             }
             None => ParameterValue::Text("it depends on a variable".into()),
         },
         None => {
             let faults = cx.issues.split_off(before);
-            let why = faults
-                .first()
-                .map_or(String::new(), |issue| issue.message.clone());
+            let why = faults.first().map_or(String::new(), |issue| issue.message.clone());
             // A plain text that could be a sum or a number with a unit was meant as one: its faults are faults.
             // A word, or anything in quotes, is a text.
             let meant = !scalar.quoted
-                && (scalar.text.contains(['+', '*', '/', '^', '('])
-                    || scalar.text.starts_with(|c: char| c.is_ascii_digit()))
+                && (scalar.text.contains(['+', '*', '/', '^', '(']) || scalar.text.starts_with(|c: char| c.is_ascii_digit()))
                 || why.contains("is not a number: it");
             if meant {
                 cx.issues.extend(faults);

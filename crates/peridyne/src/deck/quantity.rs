@@ -126,50 +126,24 @@ pub(crate) struct Compiled {
 fn split(text: &str) -> Option<(f64, &str)> {
     let trimmed = text.trim();
     let sign = trimmed.starts_with(['-', '+']);
-    let unsigned = if sign {
-        trimmed[1..].trim_start()
-    } else {
-        trimmed
-    };
+    let unsigned = if sign { trimmed[1..].trim_start() } else { trimmed };
     let length = number_length(unsigned);
-    let value: f64 = unsigned
-        .get(..length)
-        .filter(|number| !number.is_empty())?
-        .parse()
-        .ok()?;
+    let value: f64 = unsigned.get(..length).filter(|number| !number.is_empty())?.parse().ok()?;
     let rest = unsigned[length..].trim_start();
-    Some((
-        if trimmed.starts_with('-') {
-            -value
-        } else {
-            value
-        },
-        rest,
-    ))
+    Some((if trimmed.starts_with('-') { -value } else { value }, rest))
 }
 
 /// Whether `rest`, which follows a number, can only be a unit. `/K` could also divide by a parameter.
 fn is_unit(rest: &str) -> bool {
     let word: String = rest.chars().take_while(|c| c.is_alphabetic()).collect();
-    !matches!(word.as_str(), "if" | "and" | "or")
-        && rest.starts_with(|c: char| c.is_alphabetic() || matches!(c, '°' | '%' | '1'))
+    !matches!(word.as_str(), "if" | "and" | "or") && rest.starts_with(|c: char| c.is_alphabetic() || matches!(c, '°' | '%' | '1'))
 }
 
 /// Compiles the value of `node`, a `measure`, whose text may use `variables`; notes what is wrong.
-pub(crate) fn compile(
-    node: &Node,
-    measure: &Measure,
-    variables: &[(&str, usize)],
-    cx: &mut Context,
-) -> Option<Compiled> {
+pub(crate) fn compile(node: &Node, measure: &Measure, variables: &[(&str, usize)], cx: &mut Context) -> Option<Compiled> {
     let needed = |cx: &mut Context| {
-        let message = format!(
-            "{} is needed here, but {} was found",
-            measure.name,
-            node.shown()
-        );
-        cx.issues
-            .push(Issue::new(node.span, message, advice(measure, variables)));
+        let message = format!("{} is needed here, but {} was found", measure.name, node.shown());
+        cx.issues.push(Issue::new(node.span, message, advice(measure, variables)));
     };
     let scalar = match &node.content {
         Content::Scalar(scalar) => scalar,
@@ -188,47 +162,27 @@ pub(crate) fn compile(
     let text = scalar.text.as_str();
     if let Some((value, rest)) = split(text) {
         if rest.is_empty() {
-            return Some(Compiled {
-                expression: Expr::of(value),
-                dimension: None,
-                table: false,
-            });
+            return Some(Compiled { expression: Expr::of(value), dimension: None, table: false });
         }
         let unit = rest.parse::<Unit>();
-        if is_unit(rest)
-            || rest.starts_with('/')
-                && unit.is_ok()
-                && Expr::parse(text, variables, &cx.parameters).is_err()
-        {
+        if is_unit(rest) || rest.starts_with('/') && unit.is_ok() && Expr::parse(text, variables, &cx.parameters).is_err() {
             return with_unit(node, value, unit, measure, cx);
         }
     }
     match Expr::parse(text, variables, &cx.parameters) {
         Ok(expression) => {
-            let dimension =
-                cx.parameters
-                    .get(text.trim())
-                    .and_then(|parameter| match parameter.value {
-                        ParameterValue::Number(_, dimension) => dimension,
-                        ParameterValue::Text(_) | ParameterValue::Faulty => None,
-                    });
+            let dimension = cx.parameters.get(text.trim()).and_then(|parameter| match parameter.value {
+                ParameterValue::Number(_, dimension) => dimension,
+                ParameterValue::Text(_) | ParameterValue::Faulty => None,
+            });
             if let (Some(found), Some(expected)) = (dimension, measure.dimension)
                 && found != expected
             {
-                let message = format!(
-                    "parameter {} is {found}, but {} is needed",
-                    node.shown(),
-                    measure.name
-                );
-                cx.issues
-                    .push(Issue::new(node.span, message, advice(measure, variables)));
+                let message = format!("parameter {} is {found}, but {} is needed", node.shown(), measure.name);
+                cx.issues.push(Issue::new(node.span, message, advice(measure, variables)));
                 return None;
             }
-            Some(Compiled {
-                expression,
-                dimension,
-                table: false,
-            })
+            Some(Compiled { expression, dimension, table: false })
         }
         Err(errors) => {
             for error in errors.into_iter().filter(|error| !error.message.is_empty()) {
@@ -249,92 +203,45 @@ fn with_unit(
 ) -> Option<Compiled> {
     match unit {
         Err(error) => {
-            cx.issues.push(Issue::new(
-                node.span,
-                format!("in {}, {}", node.shown(), error.message),
-                error.help,
-            ));
+            cx.issues.push(Issue::new(node.span, format!("in {}, {}", node.shown(), error.message), error.help));
             None
         }
-        Ok(unit)
-            if measure
-                .dimension
-                .is_some_and(|expected| expected != unit.dimension) =>
-        {
-            let message = format!(
-                "{} is {}, but {} is needed",
-                node.shown(),
-                unit.dimension,
-                measure.name
-            );
-            cx.issues
-                .push(Issue::new(node.span, message, advice(measure, &[])));
+        Ok(unit) if measure.dimension.is_some_and(|expected| expected != unit.dimension) => {
+            let message = format!("{} is {}, but {} is needed", node.shown(), unit.dimension, measure.name);
+            cx.issues.push(Issue::new(node.span, message, advice(measure, &[])));
             None
         }
         Ok(unit) => {
             let value = cx.units.convert(value, &unit);
-            Some(Compiled {
-                expression: Expr::of(value),
-                dimension: Some(unit.dimension),
-                table: false,
-            })
+            Some(Compiled { expression: Expr::of(value), dimension: Some(unit.dimension), table: false })
         }
     }
 }
 
 fn advice(measure: &Measure, variables: &[(&str, usize)]) -> String {
-    let plain = if measure.dimension == Some(Dimension::NONE) {
-        ""
-    } else {
-        ", a plain number in the units of the deck"
-    };
+    let plain = if measure.dimension == Some(Dimension::NONE) { "" } else { ", a plain number in the units of the deck" };
     let names: Vec<&str> = variables.iter().map(|variable| variable.0).collect();
-    let of = if names.is_empty() {
-        "parameters".into()
-    } else {
-        format!("{} and parameters", names.join(", "))
-    };
-    format!(
-        "write for example {}{plain}, or an expression of {of}",
-        measure.examples
-    )
+    let of = if names.is_empty() { "parameters".into() } else { format!("{} and parameters", names.join(", ")) };
+    format!("write for example {}{plain}, or an expression of {of}", measure.examples)
 }
 
-fn table(
-    node: &Node,
-    measure: &Measure,
-    variables: &[(&str, usize)],
-    cx: &mut Context,
-) -> Option<Compiled> {
+fn table(node: &Node, measure: &Measure, variables: &[(&str, usize)], cx: &mut Context) -> Option<Compiled> {
     let known = ["table", "of"];
-    for entry in node
-        .entries()
-        .iter()
-        .filter(|entry| !known.contains(&entry.key.as_str()))
-    {
+    for entry in node.entries().iter().filter(|entry| !known.contains(&entry.key.as_str())) {
         cx.issues.push(Issue::new(
             entry.key_span,
             format!("`{}` is not a key of a table", entry.key),
             super::report::suggest(&entry.key, known),
         ));
     }
-    let of = node.get("of").and_then(Node::as_scalar).map_or_else(
-        || {
-            variables
-                .last()
-                .map_or("t", |variable| variable.0)
-                .to_string()
-        },
-        |scalar| scalar.text.clone(),
-    );
+    let of = node
+        .get("of")
+        .and_then(Node::as_scalar)
+        .map_or_else(|| variables.last().map_or("t", |variable| variable.0).to_string(), |scalar| scalar.text.clone());
     let Some((name, slot)) = variables.iter().find(|variable| variable.0 == of) else {
         let span = node.get("of").map_or(node.span, |of| of.span);
         let names: Vec<&str> = variables.iter().map(|variable| variable.0).collect();
-        cx.issues.push(Issue::new(
-            span,
-            format!("a table here cannot be of `{of}`"),
-            super::report::suggest(&of, names),
-        ));
+        cx.issues.push(Issue::new(span, format!("a table here cannot be of `{of}`"), super::report::suggest(&of, names)));
         return None;
     };
     let abscissa = match *name {
@@ -345,38 +252,22 @@ fn table(
     };
     let rows_node = node.get("table")?;
     let Content::List(items) = &rows_node.content else {
-        cx.issues.push(Issue::new(
-            rows_node.span,
-            "a table is a list of pairs",
-            "write `table: [[0, 0], [1e-5, 2.0]]`",
-        ));
+        cx.issues.push(Issue::new(rows_node.span, "a table is a list of pairs", "write `table: [[0, 0], [1e-5, 2.0]]`"));
         return None;
     };
     let mut rows: Vec<[f64; 2]> = Vec::new();
     let mut sound = !items.is_empty();
     if !sound {
-        cx.issues.push(Issue::new(
-            rows_node.span,
-            "the table is empty",
-            "write `table: [[0, 0], [1e-5, 2.0]]`",
-        ));
+        cx.issues.push(Issue::new(rows_node.span, "the table is empty", "write `table: [[0, 0], [1e-5, 2.0]]`"));
     }
     for item in items {
         let Content::List(pair) = &item.content else {
-            cx.issues.push(Issue::new(
-                item.span,
-                "a row of a table is a pair",
-                "write `[1e-5, 2.0]`",
-            ));
+            cx.issues.push(Issue::new(item.span, "a row of a table is a pair", "write `[1e-5, 2.0]`"));
             sound = false;
             continue;
         };
         let [first, second] = pair.as_slice() else {
-            cx.issues.push(Issue::new(
-                item.span,
-                format!("a row of a table has 2 numbers, not {}", pair.len()),
-                "write `[1e-5, 2.0]`",
-            ));
+            cx.issues.push(Issue::new(item.span, format!("a row of a table has 2 numbers, not {}", pair.len()), "write `[1e-5, 2.0]`"));
             sound = false;
             continue;
         };
@@ -395,11 +286,7 @@ fn table(
             _ => sound = false,
         }
     }
-    sound.then(|| Compiled {
-        expression: Expr::table(&rows, *slot),
-        dimension: None,
-        table: true,
-    })
+    sound.then(|| Compiled { expression: Expr::table(&rows, *slot), dimension: None, table: true })
 }
 
 /// The finite number at `node`.
@@ -409,11 +296,7 @@ pub(crate) fn number(node: &Node, measure: &Measure, cx: &mut Context) -> Option
     if value.is_finite() {
         return Some(value);
     }
-    cx.issues.push(Issue::new(
-        node.span,
-        format!("{} is {value}", node.shown()),
-        "the value must be finite",
-    ));
+    cx.issues.push(Issue::new(node.span, format!("{} is {value}", node.shown()), "the value must be finite"));
     None
 }
 
@@ -429,11 +312,7 @@ pub struct Quantity<K: Kind> {
 
 impl<K: Kind> Decode for Quantity<K> {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
-        number(node, &K::MEASURE, cx).map(|value| Self {
-            value,
-            span: node.span,
-            kind: PhantomData,
-        })
+        number(node, &K::MEASURE, cx).map(|value| Self { value, span: node.span, kind: PhantomData })
     }
 }
 
@@ -449,20 +328,14 @@ impl<K: Kind> JsonSchema for Quantity<K> {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let description = format!(
-            "{}: {}.",
-            capital(K::MEASURE.name),
-            advice(&K::MEASURE, &[])
-        );
+        let description = format!("{}: {}.", capital(K::MEASURE.name), advice(&K::MEASURE, &[]));
         json_schema!({"description": description, "type": ["number", "string"]})
     }
 }
 
 fn capital(text: &str) -> String {
     let mut chars = text.chars();
-    chars.next().map_or(String::new(), |first| {
-        first.to_uppercase().chain(chars).collect()
-    })
+    chars.next().map_or(String::new(), |first| first.to_uppercase().chain(chars).collect())
 }
 
 /// A value of measure `K` that may depend on the variables `V`; a number, an expression or a table.
@@ -504,45 +377,26 @@ impl<K: Kind, V: Variables> Field<K, V> {
 
 impl<K: Kind, V: Variables> Decode for Field<K, V> {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
-        let Compiled {
-            expression, table, ..
-        } = compile(node, &K::MEASURE, V::NAMES, cx)?;
+        let Compiled { expression, table, .. } = compile(node, &K::MEASURE, V::NAMES, cx)?;
         if let Some(value) = expression.constant().filter(|value| !value.is_finite()) {
-            cx.issues.push(Issue::new(
-                node.span,
-                format!("{} is {value}", node.shown()),
-                "the value must be finite",
-            ));
+            cx.issues.push(Issue::new(node.span, format!("{} is {value}", node.shown()), "the value must be finite"));
             return None;
         }
         let table = table.then(|| plain_table(node, &K::MEASURE, cx));
-        Some(Self {
-            expression,
-            text: node.text(),
-            span: node.span,
-            table,
-            kind: PhantomData,
-        })
+        Some(Self { expression, text: node.text(), span: node.span, table, kind: PhantomData })
     }
 }
 
 /// A table with its numbers in the units of the deck.
 fn plain_table(node: &Node, measure: &Measure, cx: &mut Context) -> serde_json::Value {
     let of = node.get("of").map(Node::text);
-    let abscissa = if matches!(of.as_deref(), Some("x" | "y" | "z")) {
-        LENGTH
-    } else {
-        ANY
-    };
+    let abscissa = if matches!(of.as_deref(), Some("x" | "y" | "z")) { LENGTH } else { ANY };
     let mut rows = Vec::new();
     if let Some(Content::List(items)) = node.get("table").map(|table| &table.content) {
         for item in items {
             if let Content::List(pair) = &item.content {
-                let row: Vec<Option<f64>> = pair
-                    .iter()
-                    .zip([abscissa, *measure])
-                    .map(|(cell, measure)| number(cell, &measure, cx))
-                    .collect();
+                let row: Vec<Option<f64>> =
+                    pair.iter().zip([abscissa, *measure]).map(|(cell, measure)| number(cell, &measure, cx)).collect();
                 rows.push(row);
             }
         }
@@ -611,17 +465,11 @@ impl Decode for Count {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
         let value = number(node, &NUMBER, cx)?;
         if (0.0..=9e15).contains(&value) && value == value.trunc() {
-            return Some(Self {
-                value: value as u64,
-                span: node.span,
-            });
+            return Some(Self { value: value as u64, span: node.span });
         }
         cx.issues.push(Issue::new(
             node.span,
-            format!(
-                "a whole number is needed here, but {} is {value}",
-                node.shown()
-            ),
+            format!("a whole number is needed here, but {} is {value}", node.shown()),
             "write for example `100`",
         ));
         None

@@ -9,28 +9,13 @@ use super::{Dictionary, Sections};
 pub(crate) fn check(deck: &Sections, issues: &mut Vec<Issue>) {
     check_sets(deck, issues);
     if deck.materials.is_empty() {
-        let span = Span {
-            end: deck.span.start,
-            ..deck.span
-        };
-        issues.push(Issue::new(
-            span,
-            "the deck has no material",
-            "add one under `materials:`",
-        ));
+        let span = Span { end: deck.span.start, ..deck.span };
+        issues.push(Issue::new(span, "the deck has no material", "add one under `materials:`"));
     }
     if matches!(deck.solver, Solver::VelocityVerlet(_)) {
-        for (name, _) in deck
-            .materials
-            .iter()
-            .filter(|(_, material)| material.density.is_none())
-        {
+        for (name, _) in deck.materials.iter().filter(|(_, material)| material.density.is_none()) {
             let message = format!("`density` is missing in material `{}`", name.value);
-            issues.push(Issue::new(
-                name.span,
-                message,
-                "dynamics need it: add `density: 2440 kg/m^3` or the like",
-            ));
+            issues.push(Issue::new(name.span, message, "dynamics need it: add `density: 2440 kg/m^3` or the like"));
         }
     }
 }
@@ -50,18 +35,9 @@ fn block(points: &Points) -> Option<&Text> {
 
 fn check_sets(deck: &Sections, issues: &mut Vec<Issue>) {
     let blocks: Vec<&Text> = deck.body.points.iter().filter_map(block).collect();
-    for name in deck
-        .sets
-        .iter()
-        .map(|(name, _)| name)
-        .chain(blocks.iter().copied())
-    {
+    for name in deck.sets.iter().map(|(name, _)| name).chain(blocks.iter().copied()) {
         if name.value == "all" {
-            issues.push(Issue::new(
-                name.span,
-                "`all` already names the set of all points",
-                "choose another name",
-            ));
+            issues.push(Issue::new(name.span, "`all` already names the set of all points", "choose another name"));
         }
     }
     for (name, set) in deck.sets.iter() {
@@ -77,12 +53,7 @@ fn check_sets(deck: &Sections, issues: &mut Vec<Issue>) {
 }
 
 /// Whether following the names in `set` leads to `target`.
-fn leads_to<'a>(
-    set: &'a PointSet,
-    target: &str,
-    sets: &'a Dictionary<PointSet>,
-    seen: &mut Vec<&'a str>,
-) -> bool {
+fn leads_to<'a>(set: &'a PointSet, target: &str, sets: &'a Dictionary<PointSet>, seen: &mut Vec<&'a str>) -> bool {
     let mut names: Vec<&SetName> = Vec::new();
     set.names(&mut names);
     while let Some(name) = names.pop() {

@@ -19,12 +19,7 @@ pub struct Issue {
 impl Issue {
     /// A fault at `span`: what is wrong, and what would be right.
     pub fn new(span: Span, message: impl Into<String>, help: impl Into<String>) -> Self {
-        Self {
-            span,
-            path: String::new(),
-            message: message.into(),
-            help: help.into(),
-        }
+        Self { span, path: String::new(), message: message.into(), help: help.into() }
     }
 }
 
@@ -65,24 +60,11 @@ impl DeckErrors {
             if texts.len() <= index {
                 texts.resize(index + 1, None);
             }
-            let text = texts[index]
-                .get_or_insert_with(|| {
-                    sources
-                        .get(issue.span)
-                        .map_or("".into(), |source| source.text.as_str().into())
-                })
-                .clone();
-            let file = sources.get(issue.span).map_or_else(
-                || sources.path.display().to_string(),
-                |source| source.name.clone(),
-            );
+            let text =
+                texts[index].get_or_insert_with(|| sources.get(issue.span).map_or("".into(), |source| source.text.as_str().into())).clone();
+            let file = sources.get(issue.span).map_or_else(|| sources.path.display().to_string(), |source| source.name.clone());
             let (line, column) = sources.line_column(issue.span);
-            let first_line = sources
-                .slice(issue.span)
-                .lines()
-                .next()
-                .unwrap_or("")
-                .trim_end();
+            let first_line = sources.slice(issue.span).lines().next().unwrap_or("").trim_end();
             faults.push(Fault {
                 snippet: sources.line(issue.span).to_string(),
                 width: first_line.chars().count().max(1),
@@ -101,17 +83,7 @@ impl DeckErrors {
         let file = path.display().to_string();
         let text = miette::NamedSource::new(&file, Arc::from(""));
         let issue = Issue::new(Span::default(), message, help);
-        Self {
-            faults: vec![Fault {
-                issue,
-                file,
-                line: 0,
-                column: 0,
-                text,
-                snippet: String::new(),
-                width: 0,
-            }],
-        }
+        Self { faults: vec![Fault { issue, file, line: 0, column: 0, text, snippet: String::new(), width: 0 }] }
     }
 
     /// The faults, in the order of the text.
@@ -148,12 +120,7 @@ impl fmt::Display for Fault {
             let number = self.line.to_string();
             let margin = " ".repeat(number.len());
             // Tabs are kept, so that the marks stand under the text on any terminal.
-            let lead: String = self
-                .snippet
-                .chars()
-                .take(self.column - 1)
-                .map(|c| if c == '\t' { '\t' } else { ' ' })
-                .collect();
+            let lead: String = self.snippet.chars().take(self.column - 1).map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
             write!(f, "\n {number} | {}", self.snippet.trim_end())?;
             write!(f, "\n {margin} | {lead}{}", "^".repeat(self.width))?;
         }
@@ -182,20 +149,13 @@ impl miette::Diagnostic for Fault {
         }
         let span = self.issue.span;
         let range = span.start as usize..span.end.max(span.start) as usize;
-        Some(Box::new(std::iter::once(miette::LabeledSpan::at(
-            range,
-            &self.issue.message,
-        ))))
+        Some(Box::new(std::iter::once(miette::LabeledSpan::at(range, &self.issue.message))))
     }
 }
 
 impl miette::Diagnostic for DeckErrors {
     fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn miette::Diagnostic> + 'a>> {
-        Some(Box::new(
-            self.faults
-                .iter()
-                .map(|fault| fault as &dyn miette::Diagnostic),
-        ))
+        Some(Box::new(self.faults.iter().map(|fault| fault as &dyn miette::Diagnostic)))
     }
 }
 
@@ -233,18 +193,8 @@ pub(crate) fn suggest<'a>(name: &str, known: impl IntoIterator<Item = &'a str> +
     let quoted = |name: &str| format!("`{name}`");
     let near = nearest_all(name, known.clone());
     if !near.is_empty() {
-        return format!(
-            "did you mean {}?",
-            near.into_iter()
-                .map(quoted)
-                .collect::<Vec<_>>()
-                .join(" or ")
-        );
+        return format!("did you mean {}?", near.into_iter().map(quoted).collect::<Vec<_>>().join(" or "));
     }
     let all: Vec<String> = known.into_iter().map(quoted).collect();
-    if all.is_empty() {
-        String::new()
-    } else {
-        format!("known are {}", all.join(", "))
-    }
+    if all.is_empty() { String::new() } else { format!("known are {}", all.join(", ")) }
 }

@@ -31,10 +31,7 @@ pub struct Sources {
 
 impl Sources {
     pub(crate) fn new(path: &Path) -> Self {
-        Self {
-            texts: Vec::new(),
-            path: path.into(),
-        }
+        Self { texts: Vec::new(), path: path.into() }
     }
 
     pub(crate) fn add(&mut self, name: String, text: String) -> u32 {
@@ -49,9 +46,7 @@ impl Sources {
 
     /// The text that `span` covers.
     pub fn slice(&self, span: Span) -> &str {
-        self.get(span)
-            .and_then(|source| source.text.get(span.start as usize..span.end as usize))
-            .unwrap_or("")
+        self.get(span).and_then(|source| source.text.get(span.start as usize..span.end as usize)).unwrap_or("")
     }
 
     /// Line and column of the start of `span`, both from 1, columns in characters.
@@ -70,8 +65,6 @@ impl Sources {
     /// The line of text in which `span` starts.
     pub fn line(&self, span: Span) -> &str {
         let (line, _) = self.line_column(span);
-        self.get(span)
-            .and_then(|source| source.text.lines().nth(line - 1))
-            .unwrap_or("")
+        self.get(span).and_then(|source| source.text.lines().nth(line - 1)).unwrap_or("")
     }
 }

@@ -46,14 +46,7 @@ pub(crate) struct Entry {
 
 impl Node {
     pub fn scalar(text: impl Into<String>, span: Span) -> Self {
-        Self {
-            span,
-            content: Content::Scalar(Scalar {
-                text: text.into(),
-                quoted: false,
-                replaced: true,
-            }),
-        }
+        Self { span, content: Content::Scalar(Scalar { text: text.into(), quoted: false, replaced: true }) }
     }
 
     pub fn as_scalar(&self) -> Option<&Scalar> {
@@ -71,17 +64,12 @@ impl Node {
     }
 
     pub fn get(&self, key: &str) -> Option<&Node> {
-        self.entries()
-            .iter()
-            .find(|entry| entry.key == key)
-            .map(|entry| &entry.value)
+        self.entries().iter().find(|entry| entry.key == key).map(|entry| &entry.value)
     }
 
     /// Whether nothing was written: `key:` alone, `~` or `null`.
     pub fn is_null(&self) -> bool {
-        self.as_scalar().is_some_and(|scalar| {
-            !scalar.quoted && matches!(scalar.text.as_str(), "" | "~" | "null")
-        })
+        self.as_scalar().is_some_and(|scalar| !scalar.quoted && matches!(scalar.text.as_str(), "" | "~" | "null"))
     }
 
     /// What stands here, for messages: `` `72 mm` ``, `a list`.
@@ -100,22 +88,10 @@ impl Node {
     /// The same content, all of it placed at `span`.
     pub fn placed_at(&self, span: Span) -> Self {
         let content = match &self.content {
-            Content::Scalar(scalar) => Content::Scalar(Scalar {
-                replaced: true,
-                ..scalar.clone()
-            }),
-            Content::List(items) => {
-                Content::List(items.iter().map(|item| item.placed_at(span)).collect())
-            }
+            Content::Scalar(scalar) => Content::Scalar(Scalar { replaced: true, ..scalar.clone() }),
+            Content::List(items) => Content::List(items.iter().map(|item| item.placed_at(span)).collect()),
             Content::Map(entries) => Content::Map(
-                entries
-                    .iter()
-                    .map(|entry| Entry {
-                        key: entry.key.clone(),
-                        key_span: span,
-                        value: entry.value.placed_at(span),
-                    })
-                    .collect(),
+                entries.iter().map(|entry| Entry { key: entry.key.clone(), key_span: span, value: entry.value.placed_at(span) }).collect(),
             ),
         };
         Self { span, content }
@@ -125,15 +101,9 @@ impl Node {
     pub fn text(&self) -> String {
         match &self.content {
             Content::Scalar(scalar) => scalar.text.clone(),
-            Content::List(items) => format!(
-                "[{}]",
-                items.iter().map(Node::text).collect::<Vec<_>>().join(", ")
-            ),
+            Content::List(items) => format!("[{}]", items.iter().map(Node::text).collect::<Vec<_>>().join(", ")),
             Content::Map(entries) => {
-                let inner: Vec<String> = entries
-                    .iter()
-                    .map(|entry| format!("{}: {}", entry.key, entry.value.text()))
-                    .collect();
+                let inner: Vec<String> = entries.iter().map(|entry| format!("{}: {}", entry.key, entry.value.text())).collect();
                 format!("{{{}}}", inner.join(", "))
             }
         }
@@ -162,9 +132,7 @@ impl Node {
     }
 
     fn extend_path(&self, span: Span, path: &mut String) {
-        let holds = |outer: Span| {
-            outer.source == span.source && outer.start <= span.start && span.end <= outer.end
-        };
+        let holds = |outer: Span| outer.source == span.source && outer.start <= span.start && span.end <= outer.end;
         match &self.content {
             Content::Scalar(_) => {}
             Content::List(items) => {
@@ -174,10 +142,7 @@ impl Node {
                 }
             }
             Content::Map(entries) => {
-                if let Some(entry) = entries
-                    .iter()
-                    .find(|entry| holds(entry.key_span) || holds(entry.value.span))
-                {
+                if let Some(entry) = entries.iter().find(|entry| holds(entry.key_span) || holds(entry.value.span)) {
                     if !path.is_empty() {
                         path.push('.');
                     }
@@ -247,11 +212,7 @@ impl Replacing<'_> {
         self.placed = self.placed.saturating_add(size);
         let fits = self.placed <= MOST_PLACED && depth < DEEPEST / 2;
         if !fits {
-            let issue = Issue::new(
-                span,
-                "parameters in parameters make the deck too large",
-                "write the value out",
-            );
+            let issue = Issue::new(span, "parameters in parameters make the deck too large", "write the value out");
             self.issues.push(issue);
         }
         fits
@@ -276,11 +237,7 @@ impl Replace {
         let span = match written.find(&format!("${{{name}}}")) {
             Some(at) if text.len() <= written.len() => {
                 let start = span.start + at as u32;
-                Span {
-                    start,
-                    end: start + name.len() as u32 + 3,
-                    ..span
-                }
+                Span { start, end: start + name.len() as u32 + 3, ..span }
             }
             _ => span,
         };
@@ -294,8 +251,7 @@ fn lone_name(text: &str) -> Option<&str> {
 }
 
 fn is_name(text: &str) -> bool {
-    text.starts_with(|c: char| c.is_alphabetic() || c == '_')
-        && text.chars().all(|c| c.is_alphanumeric() || c == '_')
+    text.starts_with(|c: char| c.is_alphabetic() || c == '_') && text.chars().all(|c| c.is_alphanumeric() || c == '_')
 }
 
 fn replace_in(text: &str, span: Span, find: &Find, into: &mut Replacing) -> String {
@@ -345,10 +301,7 @@ fn hide(text: &str) -> String {
     let mut rest = text;
     while let Some(start) = rest.find("${") {
         let (head, tail) = rest.split_at(start + 2);
-        let name = tail
-            .find('}')
-            .map(|end| &tail[..end])
-            .filter(|name| is_name(name));
+        let name = tail.find('}').map(|end| &tail[..end]).filter(|name| is_name(name));
         match name {
             Some(name) => {
                 hidden.push_str(&head[..start]);
@@ -374,11 +327,7 @@ fn show(text: &str) -> String {
     while let Some(start) = rest.find("$<") {
         shown.push_str(&rest[..start]);
         let tail = &rest[start + 2..];
-        match tail
-            .find('>')
-            .map(|end| &tail[..end])
-            .filter(|name| is_name(name))
-        {
+        match tail.find('>').map(|end| &tail[..end]).filter(|name| is_name(name)) {
             Some(name) => {
                 shown.push_str(&format!("${{{name}}}"));
                 rest = &tail[name.len() + 1..];
@@ -405,19 +354,9 @@ struct Builder<'a> {
 ///
 /// `None` after a fault of YAML itself, which is noted too.
 pub(crate) fn read(sources: &Sources, source: u32, issues: &mut Vec<Issue>) -> Option<Node> {
-    let span = Span {
-        source,
-        start: 0,
-        end: 0,
-    };
+    let span = Span { source, start: 0, end: 0 };
     let text = hide(&sources.get(span)?.text);
-    let mut builder = Builder {
-        source,
-        text: &text,
-        anchors: HashMap::new(),
-        issues,
-        nodes: 0,
-    };
+    let mut builder = Builder { source, text: &text, anchors: HashMap::new(), issues, nodes: 0 };
     let mut parser = Parser::new_from_str(&text);
     match builder.document(&mut parser) {
         Ok(node) => Some(node),
@@ -431,16 +370,8 @@ pub(crate) fn read(sources: &Sources, source: u32, issues: &mut Vec<Issue>) -> O
 /// Reads a fragment of YAML that belongs to the program: a default value.
 pub(crate) fn fragment(text: &str, span: Span) -> Node {
     let mut issues = Vec::new();
-    let mut builder = Builder {
-        source: 0,
-        text,
-        anchors: HashMap::new(),
-        issues: &mut issues,
-        nodes: 0,
-    };
-    let node = builder
-        .document(&mut Parser::new_from_str(text))
-        .unwrap_or_else(|_| Node::scalar(text, span));
+    let mut builder = Builder { source: 0, text, anchors: HashMap::new(), issues: &mut issues, nodes: 0 };
+    let node = builder.document(&mut Parser::new_from_str(text)).unwrap_or_else(|_| Node::scalar(text, span));
     node.placed_at(span)
 }
 
@@ -452,11 +383,7 @@ impl Builder<'_> {
         // The span of a block ends where the next token begins; blanks after the content are not part of it.
         let written = self.text.get(range.clone()).unwrap_or("");
         let end = range.start + written.trim_end().len();
-        Span {
-            source: self.source,
-            start: range.start as u32,
-            end: end as u32,
-        }
+        Span { source: self.source, start: range.start as u32, end: end as u32 }
     }
 
     fn next<'t>(&self, events: &mut Events<'t>) -> Result<(Event<'t>, Span), Issue> {
@@ -465,33 +392,14 @@ impl Builder<'_> {
                 Some(Ok((Event::Comment(..), _))) => {}
                 Some(Ok((event, span))) => return Ok((event, self.span(&span))),
                 Some(Err(error)) => {
-                    let start = error
-                        .marker()
-                        .byte_offset()
-                        .unwrap_or(0)
-                        .min(self.text.len()) as u32;
-                    let span = Span {
-                        source: self.source,
-                        start,
-                        end: start,
-                    };
+                    let start = error.marker().byte_offset().unwrap_or(0).min(self.text.len()) as u32;
+                    let span = Span { source: self.source, start, end: start };
                     let help = "check indentation, the space after `:`, and that quotes, `[` and `{` are closed; \
                                 quote texts that contain `: ` or begin with `*`, `&`, `!`, `%`, `@`";
-                    return Err(Issue::new(
-                        span,
-                        format!("this is not YAML: {}", error.info()),
-                        help,
-                    ));
+                    return Err(Issue::new(span, format!("this is not YAML: {}", error.info()), help));
                 }
                 None => {
-                    return Err(Issue::new(
-                        Span {
-                            source: self.source,
-                            ..Span::default()
-                        },
-                        "the text ends too early",
-                        "",
-                    ));
+                    return Err(Issue::new(Span { source: self.source, ..Span::default() }, "the text ends too early", ""));
                 }
             }
         }
@@ -517,51 +425,26 @@ impl Builder<'_> {
             match self.next(events)? {
                 (Event::StreamEnd, _) => return Ok(()),
                 (Event::DocumentStart(..), span) => {
-                    return Err(Issue::new(
-                        span,
-                        "a second document begins here",
-                        "a deck is one YAML document: remove the `---`",
-                    ));
+                    return Err(Issue::new(span, "a second document begins here", "a deck is one YAML document: remove the `---`"));
                 }
                 _ => {}
             }
         }
     }
 
-    fn node<'t>(
-        &mut self,
-        event: Event<'t>,
-        span: Span,
-        events: &mut Events<'t>,
-        depth: usize,
-    ) -> Result<Node, Issue> {
+    fn node<'t>(&mut self, event: Event<'t>, span: Span, events: &mut Events<'t>, depth: usize) -> Result<Node, Issue> {
         if depth > DEEPEST {
-            return Err(Issue::new(
-                span,
-                "the deck is nested too deeply",
-                format!("at most {DEEPEST} levels are read"),
-            ));
+            return Err(Issue::new(span, "the deck is nested too deeply", format!("at most {DEEPEST} levels are read")));
         }
         if event.tag().is_some() {
-            self.issues.push(Issue::new(
-                span,
-                "YAML tags (`!…`) mean nothing in a deck",
-                "remove the tag, or quote the text",
-            ));
+            self.issues.push(Issue::new(span, "YAML tags (`!…`) mean nothing in a deck", "remove the tag, or quote the text"));
         }
         self.nodes += 1;
         let mut whole = span;
         let (content, anchor) = match event {
             Event::Scalar(text, style, anchor, _) => {
                 let quoted = style != ScalarStyle::Plain;
-                (
-                    Content::Scalar(Scalar {
-                        text: show(&text),
-                        quoted,
-                        replaced: false,
-                    }),
-                    anchor,
-                )
+                (Content::Scalar(Scalar { text: show(&text), quoted, replaced: false }), anchor)
             }
             Event::SequenceStart(_, anchor, _) => {
                 let mut items = Vec::new();
@@ -588,76 +471,46 @@ impl Builder<'_> {
                     let (event, span) = self.next(events)?;
                     let value = self.node(event, span, events, depth + 1)?;
                     let Content::Scalar(Scalar { text, .. }) = key.content else {
-                        self.issues.push(Issue::new(
-                            key.span,
-                            "a key must be a word",
-                            "write `key: value`",
-                        ));
+                        self.issues.push(Issue::new(key.span, "a key must be a word", "write `key: value`"));
                         continue;
                     };
                     if let Some(first) = entries.iter().find(|entry| entry.key == text) {
-                        let line = self.text[..first.key_span.start as usize]
-                            .matches('\n')
-                            .count()
-                            + 1;
+                        let line = self.text[..first.key_span.start as usize].matches('\n').count() + 1;
                         let message = format!("key `{text}` is given twice, first in line {line}");
-                        self.issues
-                            .push(Issue::new(key.span, message, "keep one of them"));
+                        self.issues.push(Issue::new(key.span, message, "keep one of them"));
                         continue;
                     }
-                    entries.push(Entry {
-                        key: text,
-                        key_span: key.span,
-                        value,
-                    });
+                    entries.push(Entry { key: text, key_span: key.span, value });
                 }
                 (Content::Map(entries), anchor)
             }
             Event::Alias(id) => {
                 let Some((node, height)) = self.anchors.get(&id).cloned() else {
-                    return Err(Issue::new(
-                        span,
-                        "an alias cannot stand inside the node it repeats",
-                        "write the value out",
-                    ));
+                    return Err(Issue::new(span, "an alias cannot stand inside the node it repeats", "write the value out"));
                 };
                 let (size, _) = node.size_and_depth();
                 self.nodes += size;
                 if self.nodes > MOST_NODES || depth + height > DEEPEST {
-                    return Err(Issue::new(
-                        span,
-                        "aliases make the deck too large",
-                        "write the value out",
-                    ));
+                    return Err(Issue::new(span, "aliases make the deck too large", "write the value out"));
                 }
                 return Ok(node.placed_at(span));
             }
             _ => {
-                return Err(Issue::new(
-                    span,
-                    "a value is expected here",
-                    "write `key: value`",
-                ));
+                return Err(Issue::new(span, "a value is expected here", "write `key: value`"));
             }
         };
         // Collections end where their last child ends: the end event stands at the next token.
-        if let (Content::Map(_) | Content::List(_), true) = (
-            &content,
-            self.text[whole.start as usize..].starts_with(|c| c != '{' && c != '['),
-        ) {
+        if let (Content::Map(_) | Content::List(_), true) =
+            (&content, self.text[whole.start as usize..].starts_with(|c| c != '{' && c != '['))
+        {
             let last = match &content {
-                Content::Map(entries) => entries
-                    .last()
-                    .map(|entry| entry.value.span.end.max(entry.key_span.end)),
+                Content::Map(entries) => entries.last().map(|entry| entry.value.span.end.max(entry.key_span.end)),
                 Content::List(items) => items.last().map(|item| item.span.end),
                 Content::Scalar(_) => None,
             };
             whole.end = last.unwrap_or(whole.end).max(whole.start);
         }
-        let node = Node {
-            span: whole,
-            content,
-        };
+        let node = Node { span: whole, content };
         if anchor != 0 {
             let (_, height) = node.size_and_depth();
             self.anchors.insert(anchor, (node.clone(), height));

@@ -103,12 +103,7 @@ impl Unit {
     const ONE: Self = Self::of(1.0, 0, Dimension::NONE);
 
     const fn of(mantissa: f64, tens: i32, dimension: Dimension) -> Self {
-        Self {
-            mantissa,
-            tens: tens * WHOLE as i32,
-            dimension,
-            offset: 0.0,
-        }
+        Self { mantissa, tens: tens * WHOLE as i32, dimension, offset: 0.0 }
     }
 
     /// The factor to the SI unit of the same dimension.
@@ -130,40 +125,20 @@ impl Unit {
         if !(-2000.0..=2000.0).contains(&tens) {
             return None;
         }
-        let mantissa = if self.mantissa == 1.0 {
-            1.0
-        } else {
-            self.mantissa.powf(exponent)
-        };
+        let mantissa = if self.mantissa == 1.0 { 1.0 } else { self.mantissa.powf(exponent) };
         // The dimension admits whole sixths only, so that `tens`, a multiple of its exponents, is whole as well …
         let dimension = self.dimension.power(exponent)?;
         // … except for pure numbers (`%^0.1`), where what is lost goes into the mantissa.
         let lost = f64::from(self.tens) * exponent - tens;
-        let mantissa = if lost.abs() < 1e-6 {
-            mantissa
-        } else {
-            mantissa * 10f64.powf(lost / f64::from(WHOLE))
-        };
-        Some(Self {
-            mantissa,
-            tens: tens as i32,
-            dimension,
-            offset: 0.0,
-        })
+        let mantissa = if lost.abs() < 1e-6 { mantissa } else { mantissa * 10f64.powf(lost / f64::from(WHOLE)) };
+        Some(Self { mantissa, tens: tens as i32, dimension, offset: 0.0 })
     }
 }
 
 /// `value · 10^(tens/6)` with one rounding wherever the power of ten is exact.
 fn scale(value: f64, sixths: i32) -> f64 {
-    let (tens, rest) = (
-        sixths.div_euclid(WHOLE.into()),
-        sixths.rem_euclid(WHOLE.into()),
-    );
-    let value = if rest == 0 {
-        value
-    } else {
-        value * 10f64.powf(f64::from(rest) / f64::from(WHOLE))
-    };
+    let (tens, rest) = (sixths.div_euclid(WHOLE.into()), sixths.rem_euclid(WHOLE.into()));
+    let value = if rest == 0 { value } else { value * 10f64.powf(f64::from(rest) / f64::from(WHOLE)) };
     match tens {
         0 => value,
         1..=22 => value * 10f64.powi(tens),
@@ -253,47 +228,26 @@ pub struct UnitError {
 }
 
 fn symbol(name: &str) -> Result<Unit, UnitError> {
-    let row_unit = |row: &Row| {
-        Unit::of(
-            row.1,
-            row.2,
-            Dimension::new(row.3[0], row.3[1], row.3[2], row.3[3]),
-        )
-    };
+    let row_unit = |row: &Row| Unit::of(row.1, row.2, Dimension::new(row.3[0], row.3[1], row.3[2], row.3[3]));
     // A whole symbol wins over prefix and symbol: `min` is a minute, `ft` a foot.
     if let Some(row) = TABLE.iter().find(|row| row.0 == name) {
         return Ok(row_unit(row));
     }
     for (prefix, tens) in PREFIXES {
-        if let Some(row) = name
-            .strip_prefix(prefix)
-            .and_then(|rest| TABLE.iter().find(|row| row.4 && row.0 == rest))
-        {
+        if let Some(row) = name.strip_prefix(prefix).and_then(|rest| TABLE.iter().find(|row| row.4 && row.0 == rest)) {
             let mut unit = row_unit(row);
             unit.tens += tens * i32::from(WHOLE);
             return Ok(unit);
         }
     }
-    let common = [
-        "mm", "cm", "km", "um", "nm", "kg", "mg", "ms", "us", "ns", "kN", "MN", "kPa", "MPa",
-        "GPa", "kJ", "mJ",
-    ];
-    let known: Vec<&str> = common
-        .into_iter()
-        .chain(TABLE.iter().map(|row| row.0))
-        .collect();
-    let folded = known
-        .iter()
-        .copied()
-        .find(|unit| unit.eq_ignore_ascii_case(name));
+    let common = ["mm", "cm", "km", "um", "nm", "kg", "mg", "ms", "us", "ns", "kN", "MN", "kPa", "MPa", "GPa", "kJ", "mJ"];
+    let known: Vec<&str> = common.into_iter().chain(TABLE.iter().map(|row| row.0)).collect();
+    let folded = known.iter().copied().find(|unit| unit.eq_ignore_ascii_case(name));
     let help = match folded.or_else(|| super::report::nearest(name, known.iter().copied())) {
         Some(near) => format!("did you mean `{near}`? upper and lower case differ in units"),
         None => "write a unit such as `mm`, `kg/m^3`, `GPa`, `J/m^2` or `20 m/s`; a product of numbers is written with `*`".into(),
     };
-    Err(UnitError {
-        message: format!("`{name}` is not a known unit"),
-        help,
-    })
+    Err(UnitError { message: format!("`{name}` is not a known unit"), help })
 }
 
 struct Reader<'a> {
@@ -324,47 +278,29 @@ impl<'a> Reader<'a> {
     }
 
     fn split(&mut self, end: impl Fn(char) -> bool) -> &'a str {
-        let (head, tail) = self
-            .text
-            .split_at(self.text.find(end).unwrap_or(self.text.len()));
+        let (head, tail) = self.text.split_at(self.text.find(end).unwrap_or(self.text.len()));
         self.text = tail;
         head
     }
 
     fn wrong(&self, message: impl Into<String>) -> UnitError {
-        UnitError {
-            message: message.into(),
-            help: "write a unit such as `mm`, `kg/m^3`, `N*mm` or `MPa*m^0.5`".into(),
-        }
+        UnitError { message: message.into(), help: "write a unit such as `mm`, `kg/m^3`, `N*mm` or `MPa*m^0.5`".into() }
     }
 
     fn product(&mut self) -> Result<Unit, UnitError> {
         self.skip();
-        let mut unit = if self.text.starts_with('/') {
-            Unit::ONE
-        } else {
-            self.factor()?
-        };
+        let mut unit = if self.text.starts_with('/') { Unit::ONE } else { self.factor()? };
         loop {
             let spaced = self.skip();
             let divide = match self.peek() {
-                Some('*' | '·' | '/') => self
-                    .text
-                    .chars()
-                    .next()
-                    .is_some_and(|c| self.accept(c) && c == '/'),
+                Some('*' | '·' | '/') => self.text.chars().next().is_some_and(|c| self.accept(c) && c == '/'),
                 Some(c) if spaced && c != ')' => false,
                 _ => return Ok(unit),
             };
             self.skip();
             let factor = self.factor()?;
-            let factor = if divide {
-                factor.power(-1.0)
-            } else {
-                Some(factor)
-            };
-            unit = unit
-                .times(factor.ok_or_else(|| self.wrong("the exponent of a unit is too large"))?);
+            let factor = if divide { factor.power(-1.0) } else { Some(factor) };
+            unit = unit.times(factor.ok_or_else(|| self.wrong("the exponent of a unit is too large"))?);
         }
     }
 
@@ -384,17 +320,14 @@ impl<'a> Reader<'a> {
         } else if self.accept('%') {
             symbol("%")?
         } else {
-            let name =
-                self.split(|c: char| !(c.is_alphabetic() || c == '°') || matches!(c, '²' | '³'));
+            let name = self.split(|c: char| !(c.is_alphabetic() || c == '°') || matches!(c, '²' | '³'));
             match name {
                 "" => {
                     let found = self.peek().map_or("the end".into(), |c| format!("`{c}`"));
                     return Err(self.wrong(format!("a unit is expected before {found}")));
                 }
                 "degC" | "°C" => {
-                    return Err(self.wrong(format!(
-                        "`{name}` can only stand alone, as in `20 degC`; write `K` in products"
-                    )));
+                    return Err(self.wrong(format!("`{name}` can only stand alone, as in `20 degC`; write `K` in products")));
                 }
                 name => symbol(name)?,
             }
@@ -403,8 +336,7 @@ impl<'a> Reader<'a> {
         if exponent == 1.0 {
             return Ok(unit);
         }
-        unit.power(exponent)
-            .ok_or_else(|| self.wrong(format!("a unit cannot be raised to the power {exponent}")))
+        unit.power(exponent).ok_or_else(|| self.wrong(format!("a unit cannot be raised to the power {exponent}")))
     }
 
     fn exponent(&mut self) -> Result<f64, UnitError> {
@@ -413,30 +345,19 @@ impl<'a> Reader<'a> {
                 return Ok(exponent);
             }
         }
-        let marked =
-            self.accept('^') || self.text.starts_with("**") && self.accept('*') && self.accept('*');
+        let marked = self.accept('^') || self.text.starts_with("**") && self.accept('*') && self.accept('*');
         if !marked {
             // `kg/m3` is common usage.
             let digits = self.split(|c: char| !c.is_ascii_digit());
-            return if digits.is_empty() {
-                Ok(1.0)
-            } else {
-                digits
-                    .parse()
-                    .map_err(|_| self.wrong("unreadable exponent"))
-            };
+            return if digits.is_empty() { Ok(1.0) } else { digits.parse().map_err(|_| self.wrong("unreadable exponent")) };
         }
         let bracketed = self.accept('(');
         let text = self.split(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '-' | '+')));
-        let mut exponent: f64 = text
-            .parse()
-            .map_err(|_| self.wrong("a number is expected after `^`"))?;
+        let mut exponent: f64 = text.parse().map_err(|_| self.wrong("a number is expected after `^`"))?;
         if bracketed {
             if self.accept('/') {
                 let below = self.split(|c: char| !c.is_ascii_digit());
-                exponent /= below
-                    .parse::<f64>()
-                    .map_err(|_| self.wrong("a whole number is expected after `/`"))?;
+                exponent /= below.parse::<f64>().map_err(|_| self.wrong("a whole number is expected after `/`"))?;
             }
             if !self.accept(')') {
                 return Err(self.wrong("a `)` is missing in the exponent"));
@@ -452,21 +373,11 @@ impl FromStr for Unit {
     /// Reads a product, quotient or power of units: `kg/m^3`, `N*mm`, `MPa*m^0.5`, `1/K`.
     fn from_str(text: &str) -> Result<Self, UnitError> {
         if matches!(text.trim(), "degC" | "°C") {
-            return Ok(Self {
-                offset: 273.15,
-                ..Self::of(1.0, 0, Dimension::new(0, 0, 0, 1))
-            });
+            return Ok(Self { offset: 273.15, ..Self::of(1.0, 0, Dimension::new(0, 0, 0, 1)) });
         }
-        let mut reader = Reader {
-            text: text.trim(),
-            depth: 0,
-        };
+        let mut reader = Reader { text: text.trim(), depth: 0 };
         let unit = reader.product()?;
-        if reader.text.is_empty() {
-            Ok(unit)
-        } else {
-            Err(reader.wrong(format!("`{}` is not part of a unit", reader.text)))
-        }
+        if reader.text.is_empty() { Ok(unit) } else { Err(reader.wrong(format!("`{}` is not part of a unit", reader.text))) }
     }
 }
 
@@ -491,10 +402,7 @@ impl UnitSystem {
 
     fn from_symbols(symbols: [&str; 4]) -> Self {
         let base = symbols.map(|text| symbol(text).unwrap_or(Unit::ONE));
-        Self {
-            base,
-            symbols: symbols.map(String::from),
-        }
+        Self { base, symbols: symbols.map(String::from) }
     }
 
     /// A system of the given units of mass, length, time and temperature.
@@ -507,10 +415,7 @@ impl UnitSystem {
             let unit: Unit = text.parse().map_err(|error| (axis, error))?;
             let expected = system.base[axis].dimension;
             if unit.dimension != expected || unit.offset != 0.0 {
-                let message = format!(
-                    "`{text}` is {}, but the unit of {expected} is asked for",
-                    unit.dimension
-                );
+                let message = format!("`{text}` is {}, but the unit of {expected} is asked for", unit.dimension);
                 let help = format!("write for example `{}`", ["kg", "mm", "s", "K"][axis]);
                 return Err((axis, UnitError { message, help }));
             }
@@ -522,33 +427,17 @@ impl UnitSystem {
 
     /// The symbols of the units of mass, length, time and temperature.
     pub fn symbols(&self) -> [&str; 4] {
-        [
-            &self.symbols[0],
-            &self.symbols[1],
-            &self.symbols[2],
-            &self.symbols[3],
-        ]
+        [&self.symbols[0], &self.symbols[1], &self.symbols[2], &self.symbols[3]]
     }
 
     /// `number` of `unit`, counted in this system.
     pub fn convert(&self, number: f64, unit: &Unit) -> f64 {
         let mut own = Unit::ONE;
         for (base, &sixths) in self.base.iter().zip(&unit.dimension.0) {
-            own = own.times(
-                base.power(f64::from(sixths) / f64::from(WHOLE))
-                    .unwrap_or(Unit::ONE),
-            );
+            own = own.times(base.power(f64::from(sixths) / f64::from(WHOLE)).unwrap_or(Unit::ONE));
         }
-        let ratio = if unit.mantissa == own.mantissa {
-            1.0
-        } else {
-            unit.mantissa / own.mantissa
-        };
-        let offset = if unit.offset == 0.0 {
-            0.0
-        } else {
-            scale(unit.offset / own.mantissa, -own.tens)
-        };
+        let ratio = if unit.mantissa == own.mantissa { 1.0 } else { unit.mantissa / own.mantissa };
+        let offset = if unit.offset == 0.0 { 0.0 } else { scale(unit.offset / own.mantissa, -own.tens) };
         scale(number * ratio, unit.tens - own.tens) + offset
     }
 

@@ -73,11 +73,7 @@ pub struct Canvas {
 impl Canvas {
     /// A white canvas.
     pub fn new(width: usize, height: usize) -> Self {
-        Self {
-            width,
-            height,
-            pixels: vec![WHITE; width * height],
-        }
+        Self { width, height, pixels: vec![WHITE; width * height] }
     }
 
     /// Width in pixels.
@@ -110,10 +106,7 @@ impl Canvas {
 
     /// Fills the rectangle from `(left, top)` to `(right, bottom)` with opacity 0 to 1.
     pub fn fill(&mut self, left: f64, top: f64, right: f64, bottom: f64, color: Rgb, opacity: f64) {
-        let (columns, rows) = (
-            clipped(left, right, self.width),
-            clipped(top, bottom, self.height),
-        );
+        let (columns, rows) = (clipped(left, right, self.width), clipped(top, bottom, self.height));
         for y in rows {
             let part_y = overlap(y, top, bottom);
             for x in columns.clone() {
@@ -153,8 +146,7 @@ impl Canvas {
                     let center = [x as f64 + 0.5, y as f64 + 0.5];
                     let coverage = 0.5 * width + 0.5 - distance(center, *a, *b);
                     let coverage = coverage.clamp(0.0, width.min(1.0)) as f32;
-                    let index =
-                        (y - rows.start) as usize * mask_width + (x - columns.start) as usize;
+                    let index = (y - rows.start) as usize * mask_width + (x - columns.start) as usize;
                     mask[index] = mask[index].max(coverage);
                 }
             }
@@ -254,11 +246,7 @@ pub fn text_width(text: &str, size: f64) -> f64 {
 /// The largest size up to `size` at which the text fits into `width`.
 pub fn fitting_size(text: &str, size: f64, width: f64) -> f64 {
     let needed = text_width(text, size);
-    if needed > width && width > 0.0 {
-        size * width / needed
-    } else {
-        size
-    }
+    if needed > width && width > 0.0 { size * width / needed } else { size }
 }
 
 fn scale_of(size: f64) -> PxScale {
@@ -324,11 +312,7 @@ fn distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let along = [b[0] - a[0], b[1] - a[1]];
     let from = [p[0] - a[0], p[1] - a[1]];
     let square = along[0] * along[0] + along[1] * along[1];
-    let t = if square > 0.0 {
-        ((from[0] * along[0] + from[1] * along[1]) / square).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
+    let t = if square > 0.0 { ((from[0] * along[0] + from[1] * along[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
     (from[0] - t * along[0]).hypot(from[1] - t * along[1])
 }
 
@@ -337,12 +321,7 @@ fn bounds_of(pieces: &[[[f64; 2]; 2]]) -> Option<[f64; 4]> {
     let mut bounds: Option<[f64; 4]> = None;
     for end in pieces.as_flattened() {
         let b = bounds.get_or_insert([end[0], end[1], end[0], end[1]]);
-        *b = [
-            b[0].min(end[0]),
-            b[1].min(end[1]),
-            b[2].max(end[0]),
-            b[3].max(end[1]),
-        ];
+        *b = [b[0].min(end[0]), b[1].min(end[1]), b[2].max(end[0]), b[3].max(end[1])];
     }
     bounds
 }
@@ -430,10 +409,7 @@ impl Layer {
     /// `rim` darkens the outermost part of large cells, so that they can be told apart.
     pub fn cell(&mut self, cell: &Cell, color: Rgb, rim: bool) {
         let scale = SAMPLES as f64;
-        let center = [
-            (cell.center[0] - self.left) * scale,
-            (cell.center[1] - self.top) * scale,
-        ];
+        let center = [(cell.center[0] - self.left) * scale, (cell.center[1] - self.top) * scale];
         let p = [cell.first[0] * scale, cell.first[1] * scale];
         let q = [cell.second[0] * scale, cell.second[1] * scale];
         let det = p[0] * q[1] - p[1] * q[0];
@@ -449,10 +425,7 @@ impl Layer {
         let rim = rim && across[0].min(across[1]) > 3.0 * scale;
         let rim_color = color.map(|c| (f64::from(c) * 0.88).round() as u8);
 
-        let reach = [
-            p[0].abs() * limit[0] + q[0].abs() * limit[1],
-            p[1].abs() * limit[0] + q[1].abs() * limit[1],
-        ];
+        let reach = [p[0].abs() * limit[0] + q[0].abs() * limit[1], p[1].abs() * limit[0] + q[1].abs() * limit[1]];
         let columns = clipped(center[0] - reach[0], center[0] + reach[0], self.width);
         for y in clipped(center[1] - reach[1], center[1] + reach[1], self.height) {
             for x in columns.clone() {
@@ -469,11 +442,7 @@ impl Layer {
                 }
                 let to_edge = ((1.0 - u.abs()) * across[0]).min((1.0 - v.abs()) * across[1]);
                 self.depth[index] = depth;
-                self.color[index] = if rim && to_edge < 0.5 * scale {
-                    rim_color
-                } else {
-                    color
-                };
+                self.color[index] = if rim && to_edge < 0.5 * scale { rim_color } else { color };
             }
         }
     }
@@ -540,21 +509,14 @@ mod tests {
         };
         assert_eq!(draw(1), draw(500));
         let canvas = draw(1);
-        let darkness: f64 = (0..20)
-            .map(|y| 1.0 - f64::from(canvas.pixel(30, y).unwrap()[0]) / 255.0)
-            .sum();
+        let darkness: f64 = (0..20).map(|y| 1.0 - f64::from(canvas.pixel(30, y).unwrap()[0]) / 255.0).sum();
         assert!((darkness - 3.0).abs() < 0.01, "{darkness}");
     }
 
     #[test]
     fn dashes_have_their_lengths_around_corners() {
         let pieces = dashes(&[[0.0, 0.0], [5.0, 0.0], [5.0, 5.0]], [3.0, 1.0]);
-        let expected = [
-            [[0.0, 0.0], [3.0, 0.0]],
-            [[4.0, 0.0], [5.0, 0.0]],
-            [[5.0, 0.0], [5.0, 2.0]],
-            [[5.0, 3.0], [5.0, 5.0]],
-        ];
+        let expected = [[[0.0, 0.0], [3.0, 0.0]], [[4.0, 0.0], [5.0, 0.0]], [[5.0, 0.0], [5.0, 2.0]], [[5.0, 3.0], [5.0, 5.0]]];
         assert_eq!(pieces, expected);
     }
 
@@ -562,11 +524,7 @@ mod tests {
     fn neighbouring_cells_leave_no_seam_and_the_nearer_one_wins() {
         let mut layer = Layer::new(0.0, 0.0, 20, 10);
         let half = 10.0 / 3.0;
-        let cell = |x: f64, depth: f64| Cell {
-            center: [x, 5.0, depth],
-            first: [half, 0.0, 0.0],
-            second: [0.0, 5.0, 0.0],
-        };
+        let cell = |x: f64, depth: f64| Cell { center: [x, 5.0, depth], first: [half, 0.0, 0.0], second: [0.0, 5.0, 0.0] };
         for i in 0..3 {
             layer.cell(&cell(half * (2 * i + 1) as f64, 0.0), [10, 20, 30], false);
         }

@@ -18,8 +18,8 @@ pub enum ColorMap {
 
 /// Samples of viridis at 0, 1/15, …, 1.
 const VIRIDIS: [u32; 16] = [
-    0x44_01_54, 0x48_1a_6c, 0x47_2f_7d, 0x41_44_87, 0x39_56_8c, 0x31_68_8e, 0x2a_78_8e, 0x23_88_8e,
-    0x1f_98_8b, 0x22_a8_84, 0x35_b7_79, 0x54_c5_68, 0x7a_d1_51, 0xa5_db_36, 0xd2_e2_1b, 0xfd_e7_25,
+    0x44_01_54, 0x48_1a_6c, 0x47_2f_7d, 0x41_44_87, 0x39_56_8c, 0x31_68_8e, 0x2a_78_8e, 0x23_88_8e, 0x1f_98_8b, 0x22_a8_84, 0x35_b7_79,
+    0x54_c5_68, 0x7a_d1_51, 0xa5_db_36, 0xd2_e2_1b, 0xfd_e7_25,
 ];
 const DIVERGING: [u32; 5] = [0x2b_4c_a8, 0x7d_a4_dc, 0xe8_e6_e4, 0xe2_91_76, 0xac_1f_33];
 const EMBER: [u32; 5] = [0xe4_e2_de, 0xf6_c8_6e, 0xe8_7a_2c, 0xa8_26_2e, 0x38_0c_22];
@@ -52,24 +52,14 @@ impl ColorMap {
         let t = t.clamp(0.0, 1.0);
         match self {
             // Its samples are dense enough to be joined by straight lines.
-            Self::Viridis => interpolate(
-                &VIRIDIS,
-                t,
-                |hex| rgb(hex).map(f64::from),
-                |c| c.map(|c| c.round() as u8),
-            ),
+            Self::Viridis => interpolate(&VIRIDIS, t, |hex| rgb(hex).map(f64::from), |c| c.map(|c| c.round() as u8)),
             Self::Diverging => interpolate(&DIVERGING, t, |hex| to_oklab(rgb(hex)), from_oklab),
             Self::Ember => interpolate(&EMBER, t, |hex| to_oklab(rgb(hex)), from_oklab),
         }
     }
 }
 
-fn interpolate(
-    anchors: &[u32],
-    t: f64,
-    enter: impl Fn(u32) -> [f64; 3],
-    leave: impl Fn([f64; 3]) -> Rgb,
-) -> Rgb {
+fn interpolate(anchors: &[u32], t: f64, enter: impl Fn(u32) -> [f64; 3], leave: impl Fn([f64; 3]) -> Rgb) -> Rgb {
     let place = t * (anchors.len() - 1) as f64;
     let below = (place as usize).min(anchors.len() - 2);
     let part = place - below as f64;
@@ -81,11 +71,7 @@ fn interpolate(
 fn to_oklab(color: Rgb) -> [f64; 3] {
     let [r, g, b] = color.map(|c| {
         let c = f64::from(c) / 255.0;
-        if c <= 0.040_45 {
-            c / 12.92
-        } else {
-            ((c + 0.055) / 1.055).powf(2.4)
-        }
+        if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
     });
     let l = (0.412_221_470_8 * r + 0.536_332_536_3 * g + 0.051_445_992_9 * b).cbrt();
     let m = (0.211_903_498_2 * r + 0.680_699_545_1 * g + 0.107_396_956_6 * b).cbrt();
@@ -109,11 +95,7 @@ fn from_oklab([lightness, a, b]: [f64; 3]) -> Rgb {
     ]
     .map(|c| {
         let c = c.clamp(0.0, 1.0);
-        let c = if c <= 0.003_130_8 {
-            12.92 * c
-        } else {
-            1.055 * c.powf(1.0 / 2.4) - 0.055
-        };
+        let c = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
         (255.0 * c).round() as u8
     })
 }
@@ -143,9 +125,7 @@ mod tests {
         assert_eq!(ColorMap::Viridis.color(7.0), ColorMap::Viridis.color(1.0));
         assert_eq!(ColorMap::Ember.color(f64::NAN), NO_VALUE);
         for (map, sign) in [(ColorMap::Viridis, 1.0), (ColorMap::Ember, -1.0)] {
-            let lightness: Vec<f64> = (0..=50)
-                .map(|i| to_oklab(map.color(i as f64 / 50.0))[0])
-                .collect();
+            let lightness: Vec<f64> = (0..=50).map(|i| to_oklab(map.color(i as f64 / 50.0))[0]).collect();
             let steps = lightness.windows(2).map(|pair| sign * (pair[1] - pair[0]));
             assert!(steps.clone().all(|step| step > 0.0), "{map:?}");
         }

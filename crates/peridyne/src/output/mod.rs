@@ -43,9 +43,7 @@ pub enum FieldValues {
 /// Suffixes of the columns of a vector.
 const VECTOR_SUFFIXES: [&str; 3] = ["_x", "_y", "_z"];
 /// Suffixes of the columns of a tensor, row by row.
-const TENSOR_SUFFIXES: [&str; 9] = [
-    "_xx", "_xy", "_xz", "_yx", "_yy", "_yz", "_zx", "_zy", "_zz",
-];
+const TENSOR_SUFFIXES: [&str; 9] = ["_xx", "_xy", "_xz", "_yx", "_yy", "_yz", "_zx", "_zy", "_zz"];
 
 impl FieldValues {
     /// Number of points.
@@ -142,11 +140,7 @@ pub struct Field {
 impl Field {
     /// A field without a unit.
     pub fn new(name: impl Into<String>, values: FieldValues) -> Self {
-        Self {
-            name: name.into(),
-            unit: None,
-            values,
-        }
+        Self { name: name.into(), unit: None, values }
     }
 
     /// The same field with a unit.
@@ -174,9 +168,7 @@ pub struct Snapshot<'a> {
 #[non_exhaustive]
 pub enum OutputError {
     /// The operating system refused.
-    #[error(
-        "cannot {action} {path}: {source}; check that the folder exists, is writable and has space left"
-    )]
+    #[error("cannot {action} {path}: {source}; check that the folder exists, is writable and has space left")]
     Io {
         /// What was attempted.
         action: &'static str,
@@ -186,9 +178,7 @@ pub enum OutputError {
         source: io::Error,
     },
     /// The HDF5 layer refused.
-    #[error(
-        "cannot {action} in {path}: {source}; if the file was changed by another program, move it away and run again"
-    )]
+    #[error("cannot {action} in {path}: {source}; if the file was changed by another program, move it away and run again")]
     Hdf5 {
         /// What was attempted.
         action: String,
@@ -214,9 +204,7 @@ pub enum OutputError {
         source: serde_json::Error,
     },
     /// A list of values has the wrong length.
-    #[error(
-        "{path}: `{name}` has {found} entries where {expected} are needed: one for each {each}"
-    )]
+    #[error("{path}: `{name}` has {found} entries where {expected} are needed: one for each {each}")]
     Length {
         /// The file.
         path: PathBuf,
@@ -265,11 +253,7 @@ pub enum OutputError {
 
 impl OutputError {
     pub(crate) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Io {
-            action,
-            path: path.to_path_buf(),
-            source,
-        }
+        move |source| Self::Io { action, path: path.to_path_buf(), source }
     }
 }
 
@@ -286,10 +270,7 @@ pub(crate) fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile, O
     let folder = folder_of(path);
     fs::create_dir_all(folder).map_err(OutputError::io("create the folder of", path))?;
     let mut builder = tempfile::Builder::new();
-    let prefix = format!(
-        ".{}.",
-        path.file_name().unwrap_or_default().to_string_lossy()
-    );
+    let prefix = format!(".{}.", path.file_name().unwrap_or_default().to_string_lossy());
     builder.prefix(&prefix).suffix(".part");
     // Temporary files are private by default; a result is as readable as any other file.
     #[cfg(unix)]
@@ -297,9 +278,7 @@ pub(crate) fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile, O
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
-    builder
-        .tempfile_in(folder)
-        .map_err(OutputError::io("create a temporary file for", path))
+    builder.tempfile_in(folder).map_err(OutputError::io("create a temporary file for", path))
 }
 
 /// Writes a file under a temporary name and renames it when it is complete, so that the final
@@ -309,10 +288,7 @@ pub(crate) fn temporary_beside(path: &Path) -> Result<tempfile::NamedTempFile, O
 ///
 /// # Errors
 /// [`OutputError::Io`], or what `write` returns; the final name is then untouched.
-pub fn write_whole<E>(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
-) -> Result<(), OutputError>
+pub fn write_whole<E>(path: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>) -> Result<(), OutputError>
 where
     E: IntoOutputError,
 {
@@ -321,13 +297,8 @@ where
     write(&mut buffer).map_err(|e| e.into_output_error(path))?;
     buffer.flush().map_err(OutputError::io("write", path))?;
     drop(buffer);
-    temporary
-        .as_file()
-        .sync_all()
-        .map_err(OutputError::io("write", path))?;
-    temporary
-        .persist(path)
-        .map_err(|e| OutputError::io("rename the finished file to", path)(e.error))?;
+    temporary.as_file().sync_all().map_err(OutputError::io("write", path))?;
+    temporary.persist(path).map_err(|e| OutputError::io("rename the finished file to", path)(e.error))?;
     Ok(())
 }
 
@@ -345,19 +316,13 @@ impl IntoOutputError for io::Error {
 
 impl IntoOutputError for png::EncodingError {
     fn into_output_error(self, path: &Path) -> OutputError {
-        OutputError::Encode {
-            path: path.to_path_buf(),
-            source: self,
-        }
+        OutputError::Encode { path: path.to_path_buf(), source: self }
     }
 }
 
 impl IntoOutputError for serde_json::Error {
     fn into_output_error(self, path: &Path) -> OutputError {
-        OutputError::Json {
-            path: path.to_path_buf(),
-            source: self,
-        }
+        OutputError::Json { path: path.to_path_buf(), source: self }
     }
 }
 

@@ -8,14 +8,9 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use super::OutputError;
-use super::canvas::{
-    Align, Canvas, Cell, INK, Layer, Rgb, SOFT_INK, Shape, fitting_size, text_width,
-};
+use super::canvas::{Align, Canvas, Cell, INK, Layer, Rgb, SOFT_INK, Shape, fitting_size, text_width};
 use super::color::{CURVES, ColorMap};
-use super::plot::{
-    Curve, Frame, LABEL_SIZE, Scale, Style, TICK_SIZE, TITLE_SIZE, check_size, draw_curve,
-    with_factor, with_unit,
-};
+use super::plot::{Curve, Frame, LABEL_SIZE, Scale, Style, TICK_SIZE, TITLE_SIZE, check_size, draw_curve, with_factor, with_unit};
 use super::ticks::{self, number};
 
 /// The points of a body, deformed.
@@ -80,10 +75,7 @@ pub struct View {
 
 impl Default for View {
     fn default() -> Self {
-        Self {
-            azimuth: -60.0,
-            elevation: 25.0,
-        }
+        Self { azimuth: -60.0, elevation: 25.0 }
     }
 }
 
@@ -139,8 +131,7 @@ impl Picture {
     pub fn locate(&self, position: [f64; 3]) -> Option<(usize, usize)> {
         let place = self.projection.place(position);
         let inside = |v: f64, limit: usize| v >= 0.0 && v < limit as f64;
-        (inside(place[0], self.canvas.width()) && inside(place[1], self.canvas.height()))
-            .then(|| (place[0] as usize, place[1] as usize))
+        (inside(place[0], self.canvas.width()) && inside(place[1], self.canvas.height())).then(|| (place[0] as usize, place[1] as usize))
     }
 
     /// Writes the picture as a PNG.
@@ -185,27 +176,13 @@ const BAR_HEIGHT: f64 = 260.0;
 /// [`OutputError::Drawing`] if lists differ in length, there is no point with a finite position,
 /// the dimension is not 1 to 3, an option is impossible or the picture too small or too large.
 pub fn draw(body: &Body<'_>, shown: &Shown<'_>, options: &Options) -> Result<Picture, OutputError> {
-    let refuse = |reason: String| OutputError::Drawing {
-        what: format!("the picture of `{}`", shown.name),
-        reason,
-    };
+    let refuse = |reason: String| OutputError::Drawing { what: format!("the picture of `{}`", shown.name), reason };
     check(body, shown, options).map_err(refuse)?;
     let range = range_of(shown.values, options.range).map_err(refuse)?;
-    let blocks = Blocks::new(body, options.deformation)
-        .ok_or_else(|| refuse("no point has a finite position and a cell with an edge".into()))?;
-    let colors: Vec<Rgb> = shown
-        .values
-        .iter()
-        .map(|&v| options.colors.color(share(v, range)))
-        .collect();
-    let scene = Scene {
-        body,
-        shown,
-        options,
-        range,
-        blocks: &blocks,
-        colors: &colors,
-    };
+    let blocks =
+        Blocks::new(body, options.deformation).ok_or_else(|| refuse("no point has a finite position and a cell with an edge".into()))?;
+    let colors: Vec<Rgb> = shown.values.iter().map(|&v| options.colors.color(share(v, range))).collect();
+    let scene = Scene { body, shown, options, range, blocks: &blocks, colors: &colors };
     Ok(match body.dimension {
         1 => scene.strip(),
         2 => scene.plane(),
@@ -215,31 +192,20 @@ pub fn draw(body: &Body<'_>, shown: &Shown<'_>, options: &Options) -> Result<Pic
 
 fn check(body: &Body<'_>, shown: &Shown<'_>, options: &Options) -> Result<(), String> {
     let points = body.reference.len();
-    for (name, found) in [
-        ("displacements", body.displacement.len()),
-        ("edges", body.edge.len()),
-        ("values", shown.values.len()),
-    ] {
+    for (name, found) in [("displacements", body.displacement.len()), ("edges", body.edge.len()), ("values", shown.values.len())] {
         if found != points {
             return Err(format!("there are {found} {name} for {points} points"));
         }
     }
     if !(1..=3).contains(&body.dimension) {
-        return Err(format!(
-            "the dimension is {}; only 1, 2 and 3 can be drawn",
-            body.dimension
-        ));
+        return Err(format!("the dimension is {}; only 1, 2 and 3 can be drawn", body.dimension));
     }
     let factor = match options.deformation {
         Deformation::Factor(factor) => factor,
         Deformation::Auto => 1.0,
     };
     let View { azimuth, elevation } = options.view;
-    for (name, value) in [
-        ("magnification", factor),
-        ("azimuth", azimuth),
-        ("elevation", elevation),
-    ] {
+    for (name, value) in [("magnification", factor), ("azimuth", azimuth), ("elevation", elevation)] {
         if !value.is_finite() {
             return Err(format!("the {name} is {value}; it must be finite"));
         }
@@ -255,29 +221,17 @@ fn range_of(values: &[f64], range: Range) -> Result<(f64, f64), String> {
         Range::Auto => Ok(ticks::open_range(min, max)),
         Range::Symmetric => {
             let most = min.abs().max(max.abs());
-            let most = if most.is_finite() && most > 0.0 {
-                most
-            } else {
-                1.0
-            };
+            let most = if most.is_finite() && most > 0.0 { most } else { 1.0 };
             Ok((-most, most))
         }
-        Range::Fixed { min, max } if min.is_finite() && max.is_finite() && min < max => {
-            Ok((min, max))
-        }
-        Range::Fixed { min, max } => Err(format!(
-            "the colours cannot run from {min} to {max}; the first end must be smaller"
-        )),
+        Range::Fixed { min, max } if min.is_finite() && max.is_finite() && min < max => Ok((min, max)),
+        Range::Fixed { min, max } => Err(format!("the colours cannot run from {min} to {max}; the first end must be smaller")),
     }
 }
 
 /// Where a value lies in the range, 0 to 1; NaN where it is not finite.
 fn share(value: f64, (min, max): (f64, f64)) -> f64 {
-    if value.is_finite() {
-        (value - min) / (max - min)
-    } else {
-        f64::NAN
-    }
+    if value.is_finite() { (value - min) / (max - min) } else { f64::NAN }
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -285,11 +239,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// The deformed cells of all points.
@@ -310,20 +260,14 @@ impl Blocks {
         let drawable: Vec<bool> = (0..points)
             .map(|i| {
                 let all = [body.reference[i], body.displacement[i]];
-                all.as_flattened().iter().all(|c| c.is_finite())
-                    && body.edge[i].is_finite()
-                    && body.edge[i] > 0.0
+                all.as_flattened().iter().all(|c| c.is_finite()) && body.edge[i].is_finite() && body.edge[i] > 0.0
             })
             .collect();
         let mut reference = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
         let mut largest: f64 = 0.0;
         for i in (0..points).filter(|&i| drawable[i]) {
             for k in 0..3 {
-                let half = if k < body.dimension {
-                    0.5 * body.edge[i]
-                } else {
-                    0.0
-                };
+                let half = if k < body.dimension { 0.5 * body.edge[i] } else { 0.0 };
                 reference[0][k] = reference[0][k].min(body.reference[i][k] - half);
                 reference[1][k] = reference[1][k].max(body.reference[i][k] + half);
             }
@@ -333,9 +277,7 @@ impl Blocks {
         if reference[0][0] > reference[1][0] {
             return None;
         }
-        let size = (0..3)
-            .map(|k| reference[1][k] - reference[0][k])
-            .fold(0.0, f64::max);
+        let size = (0..3).map(|k| reference[1][k] - reference[0][k]).fold(0.0, f64::max);
         let factor = match deformation {
             Deformation::Factor(factor) => factor,
             Deformation::Auto if largest > 0.0 => round_down(0.05 * size / largest),
@@ -343,9 +285,7 @@ impl Blocks {
         };
         let center = (0..points)
             .map(|i| match drawable[i] {
-                true => {
-                    std::array::from_fn(|k| body.reference[i][k] + factor * body.displacement[i][k])
-                }
+                true => std::array::from_fn(|k| body.reference[i][k] + factor * body.displacement[i][k]),
                 false => [f64::NAN; 3],
             })
             .collect();
@@ -355,12 +295,7 @@ impl Blocks {
         } else {
             deformed_halves(body, factor, &drawable)
         };
-        Some(Self {
-            factor,
-            center,
-            half,
-            reference,
-        })
+        Some(Self { factor, center, half, reference })
     }
 
     /// Indices of the points that can be drawn.
@@ -373,9 +308,7 @@ impl Blocks {
         let mut extent = (f64::INFINITY, f64::NEG_INFINITY);
         for i in self.drawn() {
             let middle = dot(self.center[i], direction);
-            let reach: f64 = (0..dimension)
-                .map(|k| dot(self.half[i][k], direction).abs())
-                .sum();
+            let reach: f64 = (0..dimension).map(|k| dot(self.half[i][k], direction).abs()).sum();
             extent = (extent.0.min(middle - reach), extent.1.max(middle + reach));
         }
         extent
@@ -413,10 +346,7 @@ fn identity(scale: f64) -> [[f64; 3]; 3] {
 fn deformed_halves(body: &Body<'_>, factor: f64, drawable: &[bool]) -> Vec<[[f64; 3]; 3]> {
     let dimension = body.dimension;
     let points = body.reference.len();
-    let largest = (0..points)
-        .filter(|&i| drawable[i])
-        .map(|i| body.edge[i])
-        .fold(0.0, f64::max);
+    let largest = (0..points).filter(|&i| drawable[i]).map(|i| body.edge[i]).fold(0.0, f64::max);
     // Diagonal neighbours of a regular grid are 1.42 (1.73 in space) edges away.
     let reach = 1.8;
     let side = reach * largest;
@@ -447,15 +377,12 @@ fn deformed_halves(body: &Body<'_>, factor: f64, drawable: &[bool]) -> Vec<[[f64
                     continue;
                 };
                 for &j in order[from..to].iter().filter(|&&j| j != i) {
-                    let xi: [f64; 3] =
-                        std::array::from_fn(|k| body.reference[j][k] - body.reference[i][k]);
+                    let xi: [f64; 3] = std::array::from_fn(|k| body.reference[j][k] - body.reference[i][k]);
                     let length = dot(xi, xi).sqrt();
                     if length > reach * edge.max(body.edge[j]) || length == 0.0 {
                         continue;
                     }
-                    let eta: [f64; 3] = std::array::from_fn(|k| {
-                        factor * (body.displacement[j][k] - body.displacement[i][k])
-                    });
+                    let eta: [f64; 3] = std::array::from_fn(|k| factor * (body.displacement[j][k] - body.displacement[i][k]));
                     let ratio = dot(eta, eta).sqrt() / length;
                     near.push((xi, eta, ratio));
                     ratios.push(ratio);
@@ -474,12 +401,7 @@ fn deformed_halves(body: &Body<'_>, factor: f64, drawable: &[bool]) -> Vec<[[f64
 }
 
 /// The displacement gradient that fits the neighbours best: `(Σ w η ⊗ ξ)(Σ w ξ ⊗ ξ)⁻¹`.
-fn gradient(
-    near: &[([f64; 3], [f64; 3], f64)],
-    ratios: &mut [f64],
-    edge: f64,
-    dimension: usize,
-) -> [[f64; 3]; 3] {
+fn gradient(near: &[([f64; 3], [f64; 3], f64)], ratios: &mut [f64], edge: f64, dimension: usize) -> [[f64; 3]; 3] {
     if near.is_empty() {
         return [[0.0; 3]; 3];
     }
@@ -512,11 +434,7 @@ fn gradient(
             }
         }
     }
-    let columns = [
-        cross(shape[1], shape[2]),
-        cross(shape[2], shape[0]),
-        cross(shape[0], shape[1]),
-    ];
+    let columns = [cross(shape[1], shape[2]), cross(shape[2], shape[0]), cross(shape[0], shape[1])];
     let det = dot(shape[0], columns[0]);
     let scale = shape[0][0] * shape[1][1] * shape[2][2];
     if det.is_nan() || det <= 1e-3 * scale {
@@ -569,10 +487,7 @@ impl Scene<'_> {
     /// Width that the colour bar needs right of the cells.
     fn bar_room(&self) -> f64 {
         let ticks = ticks::linear(self.range.0, self.range.1, 7);
-        let widest = ticks
-            .labels
-            .iter()
-            .map(|label| text_width(label, TICK_SIZE));
+        let widest = ticks.labels.iter().map(|label| text_width(label, TICK_SIZE));
         BAR_ROOM + BAR_WIDTH + widest.fold(0.0, f64::max) + 95.0
     }
 
@@ -608,10 +523,7 @@ impl Scene<'_> {
     /// Space left for the cells, their scale, and the size of the whole picture, for cells that
     /// span `size` lengths and margins of `left` and `right` pixels.
     fn fit(&self, size: [f64; 2], left: f64, right: f64) -> ([f64; 2], f64, [f64; 2]) {
-        let most = [
-            (self.options.width as f64 - left - right).max(1.0),
-            (self.options.height as f64 - TOP - BOTTOM).max(1.0),
-        ];
+        let most = [(self.options.width as f64 - left - right).max(1.0), (self.options.height as f64 - TOP - BOTTOM).max(1.0)];
         let scale = (most[0] / size[0]).min(most[1] / size[1]);
         let cells = [size[0] * scale, size[1] * scale];
         let least = [(820.0 - left - right).max(1.0), BAR_HEIGHT];
@@ -640,10 +552,7 @@ impl Scene<'_> {
         self.draw_title(&mut canvas, left);
         frame.draw_grid(&mut canvas);
         let origin = frame.place([0.0, 0.0]);
-        let projection = Projection {
-            rows: [[scale, 0.0, 0.0], [0.0, -scale, 0.0], [0.0; 3]],
-            shift: [origin[0], origin[1]],
-        };
+        let projection = Projection { rows: [[scale, 0.0, 0.0], [0.0, -scale, 0.0], [0.0; 3]], shift: [origin[0], origin[1]] };
         let mut layer = Layer::new(left, TOP, room[0] as usize, room[1] as usize);
         for i in self.blocks.drawn() {
             let cell = Cell {
@@ -660,14 +569,7 @@ impl Scene<'_> {
         Picture { canvas, projection }
     }
 
-    fn plane_frame(
-        &self,
-        left: f64,
-        size: [f64; 2],
-        x: (f64, f64),
-        y: (f64, f64),
-        bar_room: f64,
-    ) -> (Frame, [f64; 2], f64, [f64; 2]) {
+    fn plane_frame(&self, left: f64, size: [f64; 2], x: (f64, f64), y: (f64, f64), bar_room: f64) -> (Frame, [f64; 2], f64, [f64; 2]) {
         let (room, scale, whole) = self.fit(size, left, bar_room);
         // Room that the equal scales leave over is shown empty, on both sides of the body.
         let about = |(from, to): (f64, f64), pixels: f64| {
@@ -696,24 +598,14 @@ impl Scene<'_> {
         let up = cross(near, right);
         let across = self.blocks.extent(right, 3);
         let along = self.blocks.extent(up, 3);
-        let size = [
-            1.04 * (across.1 - across.0).max(f64::MIN_POSITIVE),
-            1.04 * (along.1 - along.0).max(f64::MIN_POSITIVE),
-        ];
+        let size = [1.04 * (across.1 - across.0).max(f64::MIN_POSITIVE), 1.04 * (along.1 - along.0).max(f64::MIN_POSITIVE)];
         let left = 60.0;
         let (room, scale, whole) = self.fit(size, left, self.bar_room());
         let middle = [left + 0.5 * room[0], TOP + 0.5 * room[1]];
         let scaled = |v: [f64; 3], by: f64| v.map(|c| c * by);
         let projection = Projection {
-            rows: [
-                scaled(right, scale),
-                scaled(up, -scale),
-                scaled(near, scale),
-            ],
-            shift: [
-                middle[0] - 0.5 * scale * (across.0 + across.1),
-                middle[1] + 0.5 * scale * (along.0 + along.1),
-            ],
+            rows: [scaled(right, scale), scaled(up, -scale), scaled(near, scale)],
+            shift: [middle[0] - 0.5 * scale * (across.0 + across.1), middle[1] + 0.5 * scale * (along.0 + along.1)],
         };
 
         let mut canvas = Canvas::new(whole[0] as usize, whole[1] as usize);
@@ -721,8 +613,7 @@ impl Scene<'_> {
         let mut layer = Layer::new(left, TOP, room[0] as usize, room[1] as usize);
         // Light from the upper left behind the viewer.
         let light = [-0.36, 0.56, 0.746];
-        let light: [f64; 3] =
-            std::array::from_fn(|k| light[0] * right[k] + light[1] * up[k] + light[2] * near[k]);
+        let light: [f64; 3] = std::array::from_fn(|k| light[0] * right[k] + light[1] * up[k] + light[2] * near[k]);
         for i in self.blocks.drawn() {
             let half = &self.blocks.half[i];
             for k in 0..3 {
@@ -739,11 +630,7 @@ impl Scene<'_> {
                 let side = toward.signum() * outward;
                 let center = std::array::from_fn(|r| self.blocks.center[i][r] + side * half[k][r]);
                 let lit = (dot(normal, light) * toward.signum() / length).max(0.0);
-                let cell = Cell {
-                    center: projection.place(center),
-                    first: projection.direction(a),
-                    second: projection.direction(b),
-                };
+                let cell = Cell { center: projection.place(center), first: projection.direction(a), second: projection.direction(b) };
                 layer.cell(&cell, shaded(self.colors[i], lit), true);
             }
         }
@@ -809,27 +696,16 @@ impl Scene<'_> {
         order.sort_by(|&i, &j| self.body.reference[i][0].total_cmp(&self.body.reference[j][0]));
         let point = |&i: &usize| [self.body.reference[i][0], self.shown.values[i]];
         let few = order.len() <= 60;
-        let curve = Curve::new("", order.iter().map(point).collect()).style(if few {
-            Style::LineAndMarkers
-        } else {
-            Style::Line
-        });
+        let curve = Curve::new("", order.iter().map(point).collect()).style(if few { Style::LineAndMarkers } else { Style::Line });
         draw_curve(&mut canvas, &frame, &curve, CURVES[0], Shape::Circle);
         frame.draw_axes(&mut canvas, &self.axis("x"), &self.heading());
 
         let top = height - strip_height - 40.0;
         let scale = (frame.right - frame.left) / (frame.x.1 - frame.x.0);
-        let projection = Projection {
-            rows: [[scale, 0.0, 0.0], [0.0; 3], [0.0; 3]],
-            shift: [frame.left - scale * frame.x.0, top + 0.5 * strip_height],
-        };
+        let projection =
+            Projection { rows: [[scale, 0.0, 0.0], [0.0; 3], [0.0; 3]], shift: [frame.left - scale * frame.x.0, top + 0.5 * strip_height] };
         let room = [frame.right - frame.left, strip_height];
-        let mut layer = Layer::new(
-            frame.left,
-            top,
-            room[0].ceil() as usize,
-            room[1].ceil() as usize,
-        );
+        let mut layer = Layer::new(frame.left, top, room[0].ceil() as usize, room[1].ceil() as usize);
         for &i in &order {
             let cell = Cell {
                 center: projection.place(self.blocks.center[i]),

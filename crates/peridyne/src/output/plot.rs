@@ -3,9 +3,7 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::canvas::{
-    Align, Canvas, GRID, INK, Rgb, SOFT_INK, Shape, WHITE, fitting_size, text_width,
-};
+use super::canvas::{Align, Canvas, GRID, INK, Rgb, SOFT_INK, Shape, WHITE, fitting_size, text_width};
 use super::color::CURVES;
 use super::table::quoted;
 use super::ticks::{self, Ticks};
@@ -44,10 +42,7 @@ pub struct Axis {
 impl Axis {
     /// A linear axis that spans the data.
     pub fn new(label: impl Into<String>) -> Self {
-        Self {
-            label: label.into(),
-            ..Self::default()
-        }
+        Self { label: label.into(), ..Self::default() }
     }
 
     /// The same axis with a unit.
@@ -111,11 +106,7 @@ pub struct Curve {
 impl Curve {
     /// A solid curve.
     pub fn new(label: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
-        Self {
-            label: label.into(),
-            points,
-            style: Style::Line,
-        }
+        Self { label: label.into(), points, style: Style::Line }
     }
 
     /// The same curve in another style.
@@ -166,15 +157,7 @@ pub struct Plot {
 impl Plot {
     /// A plot of 1600 × 1000 pixels without curves.
     pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
-        Self {
-            title: title.into(),
-            x,
-            y,
-            curves: Vec::new(),
-            references: Vec::new(),
-            width: 1600,
-            height: 1000,
-        }
+        Self { title: title.into(), x, y, curves: Vec::new(), references: Vec::new(), width: 1600, height: 1000 }
     }
 
     /// The same plot with one more curve.
@@ -195,22 +178,12 @@ impl Plot {
     /// [`OutputError::Drawing`] if there is no point to show, an end of an axis is impossible or
     /// the picture is too small or too large.
     pub fn draw(&self) -> Result<Canvas, OutputError> {
-        let refuse = |reason: String| OutputError::Drawing {
-            what: format!("the plot `{}`", self.title),
-            reason,
-        };
+        let refuse = |reason: String| OutputError::Drawing { what: format!("the plot `{}`", self.title), reason };
         check_size(self.width, self.height).map_err(refuse)?;
         let visible = |p: &[f64; 2]| is_shown(p[0], self.x.scale) && is_shown(p[1], self.y.scale);
-        let shown: Vec<[f64; 2]> = self
-            .curves
-            .iter()
-            .flat_map(|curve| curve.points.iter().copied())
-            .filter(visible)
-            .collect();
+        let shown: Vec<[f64; 2]> = self.curves.iter().flat_map(|curve| curve.points.iter().copied()).filter(visible).collect();
         if shown.is_empty() {
-            return Err(refuse(
-                "no curve has a point to show; points need finite values, and positive ones on a logarithmic axis".into(),
-            ));
+            return Err(refuse("no curve has a point to show; points need finite values, and positive ones on a logarithmic axis".into()));
         }
         let mut xs: Vec<f64> = shown.iter().map(|p| p[0]).collect();
         let mut ys: Vec<f64> = shown.iter().map(|p| p[1]).collect();
@@ -221,13 +194,8 @@ impl Plot {
                 _ => {}
             }
         }
-        let with_markers =
-            |curve: &Curve| matches!(curve.style, Style::Markers | Style::LineAndMarkers);
-        let x_margin = if self.curves.iter().any(with_markers) {
-            0.03
-        } else {
-            0.0
-        };
+        let with_markers = |curve: &Curve| matches!(curve.style, Style::Markers | Style::LineAndMarkers);
+        let x_margin = if self.curves.iter().any(with_markers) { 0.03 } else { 0.0 };
         let x_range = range_of(&self.x, &xs, x_margin).map_err(refuse)?;
         let y_range = range_of(&self.y, &ys, 0.06).map_err(refuse)?;
 
@@ -272,12 +240,7 @@ impl Plot {
             .collect();
         // Dashed references last: they stay visible on top of a curve that meets them.
         let solid = |curve: &&Curve| curve.style != Style::Dashed;
-        let order = |wanted: bool| {
-            self.curves
-                .iter()
-                .zip(&styles)
-                .filter(move |(curve, _)| solid(curve) == wanted)
-        };
+        let order = |wanted: bool| self.curves.iter().zip(&styles).filter(move |(curve, _)| solid(curve) == wanted);
         for (curve, &(color, shape)) in order(true).chain(order(false)) {
             draw_curve(&mut canvas, &frame, curve, color, shape);
         }
@@ -313,41 +276,21 @@ impl Plot {
         })
     }
 
-    fn draw_legend(
-        &self,
-        canvas: &mut Canvas,
-        frame: &Frame,
-        styles: &[(Rgb, Shape)],
-        shown: &[[f64; 2]],
-    ) {
-        let entries: Vec<_> = self
-            .curves
-            .iter()
-            .zip(styles)
-            .filter(|(curve, _)| !curve.label.is_empty())
-            .collect();
+    fn draw_legend(&self, canvas: &mut Canvas, frame: &Frame, styles: &[(Rgb, Shape)], shown: &[[f64; 2]]) {
+        let entries: Vec<_> = self.curves.iter().zip(styles).filter(|(curve, _)| !curve.label.is_empty()).collect();
         if entries.is_empty() {
             return;
         }
         let (sample, line, pad) = (56.0, 36.0, 16.0);
-        let widest = entries
-            .iter()
-            .map(|(curve, _)| text_width(&curve.label, TICK_SIZE))
-            .fold(0.0, f64::max);
+        let widest = entries.iter().map(|(curve, _)| text_width(&curve.label, TICK_SIZE)).fold(0.0, f64::max);
         let width = pad + sample + 14.0 + widest + pad;
         let height = 2.0 * pad + line * entries.len() as f64 - 6.0;
         let gap = 18.0;
         let rights = [frame.right - gap - width, frame.left + gap];
         let middle = 0.5 * (frame.left + frame.right - width);
         let tops = [frame.top + gap, frame.bottom - gap - height];
-        let places = [
-            [rights[0], tops[0]],
-            [rights[1], tops[0]],
-            [rights[0], tops[1]],
-            [rights[1], tops[1]],
-            [middle, tops[0]],
-            [middle, tops[1]],
-        ];
+        let places =
+            [[rights[0], tops[0]], [rights[1], tops[0]], [rights[0], tops[1]], [rights[1], tops[1]], [middle, tops[0]], [middle, tops[1]]];
         // Where it hides the least.
         let hidden = |place: &[f64; 2]| self.hidden_by(frame, *place, width, height, shown);
         let counts: Vec<usize> = places.iter().map(hidden).collect();
@@ -355,13 +298,7 @@ impl Plot {
         let [left, top] = places[best];
         let (right, bottom) = (left + width, top + height);
         canvas.fill(left, top, right, bottom, WHITE, 0.88);
-        let corners = [
-            [left, top],
-            [right, top],
-            [right, bottom],
-            [left, bottom],
-            [left, top],
-        ];
+        let corners = [[left, top], [right, top], [right, bottom], [left, bottom], [left, top]];
         canvas.polyline(&corners, 1.0, [205, 208, 214], None);
         for (i, (curve, (color, shape))) in entries.iter().enumerate() {
             let y = top + pad + line * (i as f64 + 0.5) - 3.0;
@@ -382,20 +319,10 @@ impl Plot {
     }
 
     /// How much of the curves a legend at a place would hide: points, and samples between them.
-    fn hidden_by(
-        &self,
-        frame: &Frame,
-        [left, top]: [f64; 2],
-        width: f64,
-        height: f64,
-        shown: &[[f64; 2]],
-    ) -> usize {
+    fn hidden_by(&self, frame: &Frame, [left, top]: [f64; 2], width: f64, height: f64, shown: &[[f64; 2]]) -> usize {
         let inside = |p: [f64; 2]| {
             let margin = 8.0;
-            p[0] > left - margin
-                && p[0] < left + width + margin
-                && p[1] > top - margin
-                && p[1] < top + height + margin
+            p[0] > left - margin && p[0] < left + width + margin && p[1] > top - margin && p[1] < top + height + margin
         };
         let points = shown.iter().filter(|p| inside(frame.place(**p))).count();
         let mut between = 0;
@@ -427,12 +354,7 @@ impl Plot {
 /// The name of a reference line weighs as much as this many points of a curve.
 const HIDDEN_NAME: usize = 100;
 
-const SHAPES: [Shape; 4] = [
-    Shape::Circle,
-    Shape::Square,
-    Shape::Triangle,
-    Shape::Diamond,
-];
+const SHAPES: [Shape; 4] = [Shape::Circle, Shape::Square, Shape::Triangle, Shape::Diamond];
 
 /// Largest width or height of a picture.
 const LARGEST: usize = 16_384;
@@ -441,9 +363,7 @@ pub(crate) fn check_size(width: usize, height: usize) -> Result<(), String> {
     if (400..=LARGEST).contains(&width) && (300..=LARGEST).contains(&height) {
         Ok(())
     } else {
-        Err(format!(
-            "its size is {width} × {height} pixels; at least 400 × 300 and at most {LARGEST} each way are possible"
-        ))
+        Err(format!("its size is {width} × {height} pixels; at least 400 × 300 and at most {LARGEST} each way are possible"))
     }
 }
 
@@ -616,12 +536,7 @@ impl Placed<'_> {
             Align::Right => self.place[0] - width,
         };
         let half = 0.5 * TICK_SIZE;
-        [
-            left,
-            self.place[1] - half,
-            left + width,
-            self.place[1] + half,
-        ]
+        [left, self.place[1] - half, left + width, self.place[1] + half]
     }
 }
 
@@ -642,11 +557,7 @@ fn place_reference<'a>(frame: &Frame, reference: &'a ReferenceLine) -> Option<Pl
         ReferenceLine::Vertical { x, label } => {
             let x = frame.place([*x, frame.y.0])[0];
             let width = text_width(label, TICK_SIZE);
-            let (shift, align) = if x + width + 24.0 < frame.right {
-                (12.0, Align::Left)
-            } else {
-                (-12.0, Align::Right)
-            };
+            let (shift, align) = if x + width + 24.0 < frame.right { (12.0, Align::Left) } else { (-12.0, Align::Right) };
             (x >= frame.left && x <= frame.right).then(|| Placed {
                 ends: [[x, frame.bottom], [x, frame.top]],
                 label,
@@ -658,13 +569,7 @@ fn place_reference<'a>(frame: &Frame, reference: &'a ReferenceLine) -> Option<Pl
 }
 
 /// Draws a curve, cut at the frame.
-pub(crate) fn draw_curve(
-    canvas: &mut Canvas,
-    frame: &Frame,
-    curve: &Curve,
-    color: Rgb,
-    shape: Shape,
-) {
+pub(crate) fn draw_curve(canvas: &mut Canvas, frame: &Frame, curve: &Curve, color: Rgb, shape: Shape) {
     let places: Vec<[f64; 2]> = curve.points.iter().map(|p| frame.place(*p)).collect();
     let (width, dash) = match curve.style {
         Style::Line => (3.5, None),

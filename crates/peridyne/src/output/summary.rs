@@ -72,14 +72,8 @@ pub struct Timing {
 impl Timing {
     /// Timings with their shares of the sum of all parts.
     pub fn list<'a>(parts: impl IntoIterator<Item = (&'a str, f64)>) -> Vec<Self> {
-        let mut timings: Vec<Self> = parts
-            .into_iter()
-            .map(|(name, seconds)| Self {
-                name: name.to_string(),
-                seconds,
-                share: 0.0,
-            })
-            .collect();
+        let mut timings: Vec<Self> =
+            parts.into_iter().map(|(name, seconds)| Self { name: name.to_string(), seconds, share: 0.0 }).collect();
         let whole: f64 = timings.iter().map(|part| part.seconds).sum();
         if whole > 0.0 {
             for part in &mut timings {
@@ -108,13 +102,7 @@ pub struct Verdict {
 impl Verdict {
     /// Compares a value with its reference. A value that is not finite never passes.
     pub fn new(quantity: impl Into<String>, computed: f64, reference: f64, tolerance: f64) -> Self {
-        Self {
-            quantity: quantity.into(),
-            computed,
-            reference,
-            tolerance,
-            passed: (computed - reference).abs() <= tolerance,
-        }
+        Self { quantity: quantity.into(), computed, reference, tolerance, passed: (computed - reference).abs() <= tolerance }
     }
 }
 
@@ -143,10 +131,7 @@ impl Summary {
     /// [`OutputError::Json`], [`OutputError::Io`]; the final name is then untouched.
     pub fn write(&self, path: &Path) -> Result<(), OutputError> {
         write_whole(path, |file| -> Result<(), OutputError> {
-            serde_json::to_writer_pretty(&mut *file, self).map_err(|source| OutputError::Json {
-                path: path.to_path_buf(),
-                source,
-            })?;
+            serde_json::to_writer_pretty(&mut *file, self).map_err(|source| OutputError::Json { path: path.to_path_buf(), source })?;
             writeln!(file).map_err(OutputError::io("write", path))
         })
     }

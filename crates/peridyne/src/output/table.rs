@@ -18,11 +18,7 @@ pub fn shortest(value: f64) -> String {
 
 /// A cell of text, quoted where the comma-separated format asks for it.
 pub(crate) fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", text.replace('"', "\"\""))
-    } else {
-        text.to_string()
-    }
+    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_string() }
 }
 
 /// Writes the state of all points, one row a point: `id, x, y, z, ux, uy, uz`, then the fields,
@@ -32,12 +28,7 @@ pub(crate) fn quoted(text: &str) -> String {
 ///
 /// # Errors
 /// [`OutputError::Length`] if a list does not have one entry a point, [`OutputError::Io`].
-pub fn write_final(
-    path: &Path,
-    id: &[i64],
-    reference: &[[f64; 3]],
-    snapshot: &Snapshot<'_>,
-) -> Result<(), OutputError> {
+pub fn write_final(path: &Path, id: &[i64], reference: &[[f64; 3]], snapshot: &Snapshot<'_>) -> Result<(), OutputError> {
     let points = reference.len();
     check_length(path, "id", id.len(), points)?;
     check_length(path, "displacement", snapshot.displacement.len(), points)?;
@@ -77,22 +68,11 @@ fn write_numbers(file: &mut impl Write, numbers: &[f64]) -> io::Result<()> {
     Ok(())
 }
 
-pub(crate) fn check_length(
-    path: &Path,
-    name: &str,
-    found: usize,
-    expected: usize,
-) -> Result<(), OutputError> {
+pub(crate) fn check_length(path: &Path, name: &str, found: usize, expected: usize) -> Result<(), OutputError> {
     if found == expected {
         return Ok(());
     }
-    Err(OutputError::Length {
-        path: path.to_path_buf(),
-        name: name.to_string(),
-        each: "material point",
-        expected,
-        found,
-    })
+    Err(OutputError::Length { path: path.to_path_buf(), name: name.to_string(), each: "material point", expected, found })
 }
 
 /// A table that grows during the run: measures over time.
@@ -115,25 +95,13 @@ impl History {
     pub fn create(path: &Path, columns: &[&str]) -> Result<Self, OutputError> {
         for (i, name) in columns.iter().enumerate() {
             if columns[..i].contains(name) {
-                return Err(OutputError::Name {
-                    path: path.to_path_buf(),
-                    name: (*name).to_string(),
-                    reason: "is that of two columns",
-                });
+                return Err(OutputError::Name { path: path.to_path_buf(), name: (*name).to_string(), reason: "is that of two columns" });
             }
         }
         let header: Vec<String> = columns.iter().map(|name| quoted(name)).collect();
         write_whole(path, |file| writeln!(file, "{}", header.join(",")))?;
-        let file = OpenOptions::new()
-            .append(true)
-            .open(path)
-            .map_err(OutputError::io("append to", path))?;
-        Ok(Self {
-            path: path.to_path_buf(),
-            file,
-            columns: columns.len(),
-            row: String::new(),
-        })
+        let file = OpenOptions::new().append(true).open(path).map_err(OutputError::io("append to", path))?;
+        Ok(Self { path: path.to_path_buf(), file, columns: columns.len(), row: String::new() })
     }
 
     /// Appends a row, one value a column.
@@ -159,9 +127,7 @@ impl History {
         }
         self.row.push('\n');
         // One call for the whole row: a reader never sees half of it.
-        self.file
-            .write_all(self.row.as_bytes())
-            .map_err(OutputError::io("append to", &self.path))
+        self.file.write_all(self.row.as_bytes()).map_err(OutputError::io("append to", &self.path))
     }
 
     /// The file.

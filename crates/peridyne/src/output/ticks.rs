@@ -70,11 +70,7 @@ pub fn number(value: f64, digits: usize) -> String {
 }
 
 fn without_trailing_zeros(text: &str) -> &str {
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.')
-    } else {
-        text
-    }
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { text }
 }
 
 /// A range with a width, whatever it is given: not finite becomes 0 to 1, and a range too narrow
@@ -113,11 +109,7 @@ pub fn linear(min: f64, max: f64, count: usize) -> Ticks {
     };
     // Whole multiples of the step, divided by exact powers of ten, carry no rounding dust.
     let value = |i: i64| {
-        if exponent < 0 {
-            i as f64 * step / ten(-exponent)
-        } else {
-            i as f64 * step * ten(exponent)
-        }
+        if exponent < 0 { i as f64 * step / ten(-exponent) } else { i as f64 * step * ten(exponent) }
     };
     let unit = step * ten(exponent);
     let first = (min / unit - 1e-6).ceil() as i64;
@@ -126,33 +118,16 @@ pub fn linear(min: f64, max: f64, count: usize) -> Ticks {
     let largest = values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let top = leading(largest.max(unit));
     // Engineering notation: powers of a thousand.
-    let common = if (-2..=4).contains(&top) {
-        0
-    } else {
-        3 * top.div_euclid(3)
-    };
+    let common = if (-2..=4).contains(&top) { 0 } else { 3 * top.div_euclid(3) };
     let decimals = (common - exponent).max(0) as usize;
     let labels = (first..=last)
         .map(|i| {
             let digits = exponent - common;
-            let scaled = if digits < 0 {
-                i as f64 * step / ten(-digits)
-            } else {
-                i as f64 * step * ten(digits)
-            };
-            if i == 0 {
-                "0".to_string()
-            } else {
-                format!("{scaled:.decimals$}").replace('-', "−")
-            }
+            let scaled = if digits < 0 { i as f64 * step / ten(-digits) } else { i as f64 * step * ten(digits) };
+            if i == 0 { "0".to_string() } else { format!("{scaled:.decimals$}").replace('-', "−") }
         })
         .collect();
-    Ticks {
-        values,
-        labels,
-        factor: (common != 0).then(|| power(common)),
-        minor: Vec::new(),
-    }
+    Ticks { values, labels, factor: (common != 0).then(|| power(common)), minor: Vec::new() }
 }
 
 /// Powers of ten within `min..=max` (both positive), with the whole multiples between as small
@@ -189,12 +164,7 @@ pub fn logarithmic(min: f64, max: f64, count: usize) -> Ticks {
         }
     }
     let (values, labels) = marks.into_iter().unzip();
-    Ticks {
-        values,
-        labels,
-        factor: None,
-        minor,
-    }
+    Ticks { values, labels, factor: None, minor }
 }
 
 #[cfg(test)]
@@ -208,10 +178,7 @@ mod tests {
         assert_eq!(ticks.labels, ["0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(ticks.factor, None);
         let small = linear(-3.1e-5, 4.2e-5, 7);
-        assert_eq!(
-            small.labels,
-            ["−30", "−20", "−10", "0", "10", "20", "30", "40"]
-        );
+        assert_eq!(small.labels, ["−30", "−20", "−10", "0", "10", "20", "30", "40"]);
         assert_eq!(small.factor.as_deref(), Some("10⁻⁶"));
         let large = linear(0.0, 2.1e11, 4);
         assert_eq!(large.labels, ["0", "50", "100", "150", "200"]);

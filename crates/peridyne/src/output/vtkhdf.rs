@@ -52,25 +52,14 @@ impl FieldFile {
     /// # Errors
     /// [`OutputError::Length`], [`OutputError::Name`], [`OutputError::Hdf5`], [`OutputError::Io`];
     /// the final name is then untouched.
-    pub fn create(
-        path: &Path,
-        id: &[i64],
-        reference: &[[f64; 3]],
-        constant: &[Field],
-        first: &Snapshot<'_>,
-    ) -> Result<Self, OutputError> {
+    pub fn create(path: &Path, id: &[i64], reference: &[[f64; 3]], constant: &[Field], first: &Snapshot<'_>) -> Result<Self, OutputError> {
         let points = reference.len();
         check_length(path, ID, id.len(), points)?;
         check_names(path, constant, first.fields)?;
         for field in constant {
             check_length(path, &field.name, field.values.len(), points)?;
         }
-        let mut file = Self {
-            path: path.to_path_buf(),
-            points,
-            steps: 0,
-            layout: layout_of(first.fields),
-        };
+        let mut file = Self { path: path.to_path_buf(), points, steps: 0, layout: layout_of(first.fields) };
         file.check_snapshot(first)?;
 
         let temporary = temporary_beside(path)?.into_temp_path();
@@ -81,9 +70,7 @@ impl FieldFile {
             hdf.close()
         })();
         written.map_err(file.hdf5_error("write the first step"))?;
-        temporary
-            .persist(path)
-            .map_err(|e| OutputError::io("rename the finished file to", path)(e.error))?;
+        temporary.persist(path).map_err(|e| OutputError::io("rename the finished file to", path)(e.error))?;
         file.steps = 1;
         Ok(file)
     }
@@ -124,11 +111,7 @@ impl FieldFile {
     }
 
     fn hdf5_error(&self, action: &str) -> impl FnOnce(Hdf5Error) -> OutputError {
-        move |source| OutputError::Hdf5 {
-            action: action.to_string(),
-            path: self.path.clone(),
-            source: Box::new(source),
-        }
+        move |source| OutputError::Hdf5 { action: action.to_string(), path: self.path.clone(), source: Box::new(source) }
     }
 
     fn check_snapshot(&self, snapshot: &Snapshot<'_>) -> Result<(), OutputError> {
@@ -231,12 +214,7 @@ impl FieldFile {
         let steps = root.group("Steps")?;
         steps.dataset_writer("Values")?.append(&[snapshot.time])?;
         // All steps share the one mesh: every offset into it is zero.
-        for name in [
-            "PartOffsets",
-            "PointOffsets",
-            "CellOffsets",
-            "ConnectivityIdOffsets",
-        ] {
+        for name in ["PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets"] {
             steps.dataset_writer(name)?.append(&[0_i64])?;
         }
         steps.dataset_writer("NumberOfParts")?.append(&[1_i64])?;
@@ -252,9 +230,7 @@ impl FieldFile {
         let step = root.group("FieldData")?.dataset_writer("step")?;
         step.append(&[snapshot.step as i64])?;
         let offsets = steps.group("FieldDataOffsets")?;
-        offsets
-            .dataset_writer("step")?
-            .append(&[self.steps as i64])?;
+        offsets.dataset_writer("step")?.append(&[self.steps as i64])?;
         let sizes = steps.group("FieldDataSizes")?;
         sizes.dataset_writer("step")?.append(&[1_i64, 1])?;
 
@@ -290,22 +266,14 @@ fn check_names(path: &Path, constant: &[Field], changing: &[Field]) -> Result<()
             seen.push(name);
             continue;
         };
-        return Err(OutputError::Name {
-            path: path.to_path_buf(),
-            name: name.to_string(),
-            reason,
-        });
+        return Err(OutputError::Name { path: path.to_path_buf(), name: name.to_string(), reason });
     }
     Ok(())
 }
 
 /// A text attribute as VTK wants it: ASCII of fixed length.
 fn set_text(group: &H5Group, name: &str, text: &str) -> Result<(), Hdf5Error> {
-    let datatype = DatatypeMessage::FixedString {
-        size: text.len() as u32,
-        padding: 1,
-        charset: 0,
-    };
+    let datatype = DatatypeMessage::FixedString { size: text.len() as u32, padding: 1, charset: 0 };
     group.set_attr_typed(name, datatype, text.as_bytes().to_vec())
 }
 
@@ -314,11 +282,7 @@ fn set_unit(dataset: &H5Dataset, field: &Field) -> Result<(), Hdf5Error> {
     let Some(unit) = field.unit.as_deref().filter(|unit| !unit.is_empty()) else {
         return Ok(());
     };
-    let datatype = DatatypeMessage::FixedString {
-        size: unit.len() as u32,
-        padding: 1,
-        charset: 1,
-    };
+    let datatype = DatatypeMessage::FixedString { size: unit.len() as u32, padding: 1, charset: 1 };
     dataset.set_attr_typed("units", datatype, unit.as_bytes().to_vec())
 }
 
@@ -328,12 +292,7 @@ fn rows_per_chunk(n: usize, bytes: usize) -> usize {
     n.div_ceil(parts).max(1)
 }
 
-fn write_static<T: H5Type>(
-    group: &H5Group,
-    name: &str,
-    shape: &[usize],
-    values: &[T],
-) -> Result<H5Dataset, Hdf5Error> {
+fn write_static<T: H5Type>(group: &H5Group, name: &str, shape: &[usize], values: &[T]) -> Result<H5Dataset, Hdf5Error> {
     let mut builder = group.new_dataset::<T>().shape(shape);
     // Compression needs chunks, and pays only beyond a few of them.
     if values.len() > STEPS_PER_CHUNK {
@@ -348,40 +307,21 @@ fn write_static<T: H5Type>(
 }
 
 /// A dataset that gains `points` rows a step.
-fn create_growing<T: H5Type>(
-    group: &H5Group,
-    name: &str,
-    points: usize,
-    components: usize,
-) -> Result<H5Dataset, Hdf5Error> {
+fn create_growing<T: H5Type>(group: &H5Group, name: &str, points: usize, components: usize) -> Result<H5Dataset, Hdf5Error> {
     let rows = rows_per_chunk(points, components * size_of::<T>());
     let builder = group.new_dataset::<T>();
     let builder = if components == 1 {
         builder.shape([0]).chunk(&[rows]).max_shape(&[None])
     } else {
-        builder
-            .shape([0, components])
-            .chunk(&[rows, components])
-            .max_shape(&[None, Some(components)])
+        builder.shape([0, components]).chunk(&[rows, components]).max_shape(&[None, Some(components)])
     };
     builder.shuffle_deflate(DEFLATE_LEVEL).create(name)
 }
 
 /// A dataset that gains one entry of shape `entry` a step.
-fn create_per_step<T: H5Type>(
-    group: &H5Group,
-    name: &str,
-    entry: &[usize],
-) -> Result<H5Dataset, Hdf5Error> {
+fn create_per_step<T: H5Type>(group: &H5Group, name: &str, entry: &[usize]) -> Result<H5Dataset, Hdf5Error> {
     let shape: Vec<usize> = [&[0], entry].concat();
     let chunk: Vec<usize> = [&[STEPS_PER_CHUNK], entry].concat();
-    let limits: Vec<Option<usize>> = std::iter::once(None)
-        .chain(entry.iter().copied().map(Some))
-        .collect();
-    group
-        .new_dataset::<T>()
-        .shape(shape)
-        .chunk(&chunk)
-        .max_shape(&limits)
-        .create(name)
+    let limits: Vec<Option<usize>> = std::iter::once(None).chain(entry.iter().copied().map(Some)).collect();
+    group.new_dataset::<T>().shape(shape).chunk(&chunk).max_shape(&limits).create(name)
 }

@@ -129,6 +129,19 @@ impl InstructionSet for Avx512 {
             w(r)
         }
     }
+    /// The 14-bit estimate and two Newton steps, as above; a division takes the processor longer.
+    #[inline(always)]
+    fn recip(a: Eight) -> Eight {
+        unsafe {
+            let x = m(a);
+            let mut r = _mm512_rcp14_pd(x);
+            for _ in 0..2 {
+                let e = _mm512_fnmadd_pd(x, r, _mm512_set1_pd(1.0));
+                r = _mm512_fmadd_pd(r, e, r);
+            }
+            w(r)
+        }
+    }
     #[inline(always)]
     fn select(x: Eight, a: Eight, b: Eight) -> Eight {
         w(unsafe {

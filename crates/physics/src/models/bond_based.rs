@@ -106,7 +106,7 @@ impl<G: StretchLaw, I: Influence, const D: usize> Material<D> for BondBased<G, I
     }
     #[inline(always)]
     fn force<S: Scalar>(&self, half_c: &S, b: Bond<S, D>) -> Vector<S, D> {
-        let (stretch, y) = stretch(b);
+        let (stretch, y) = b.stretch();
         let g = self.law.force(
             stretch,
             #[inline(always)]
@@ -119,7 +119,7 @@ impl<G: StretchLaw, I: Influence, const D: usize> Material<D> for BondBased<G, I
         h.integrate(
             #[inline(always)]
             |b| {
-                let potential = self.law.potential(stretch(b).0, |k| b.memory(k));
+                let potential = self.law.potential(b.stretch().0, |k| b.memory(k));
                 self.omega.at(b) * b.length() * potential * (0.5 * c)
             },
         )
@@ -134,7 +134,7 @@ impl<G: StretchLaw, I: Influence, const D: usize> Material<D> for BondBased<G, I
             for (k, word) in bonds.iter().enumerate() {
                 words[k] = word[b.slot() - first];
             }
-            self.law.commit(stretch(b).0, &mut words[..G::BOND_MEMORY]);
+            self.law.commit(b.stretch().0, &mut words[..G::BOND_MEMORY]);
             for (k, word) in bonds.iter_mut().enumerate() {
                 word[b.slot() - first] = words[k];
             }
@@ -146,11 +146,4 @@ impl<G: StretchLaw, I: Influence, const D: usize> Material<D> for BondBased<G, I
             _ => 0.0,
         }
     }
-}
-
-/// s = e/|ξ| and y
-#[inline(always)]
-fn stretch<S: Scalar, const D: usize>(b: Bond<S, D>) -> (S, Vector<S, D>) {
-    let (e, y) = b.extension();
-    (e / b.length(), y)
 }

@@ -41,13 +41,7 @@ pub struct Truss<const D: usize> {
 impl<const D: usize> Truss<D> {
     pub fn new(positions: Vec<f64>, ends: impl IntoIterator<Item = [usize; 2]>, k: f64) -> Self {
         let n = positions.len();
-        let bar = |ends| Bar {
-            ends,
-            k,
-            c: 0.0,
-            strength: f64::INFINITY,
-            broken: false,
-        };
+        let bar = |ends| Bar { ends, k, c: 0.0, strength: f64::INFINITY, broken: false };
         Self {
             positions,
             bars: ends.into_iter().map(bar).collect(),
@@ -173,11 +167,7 @@ impl<const D: usize> Statics for Truss<D> {
         self.evaluations += 1;
         f.fill(0.0);
         self.internal(u, f);
-        let reactions = (0..f.len())
-            .filter(|&k| self.fixed[k])
-            .map(|k| f[k] * f[k])
-            .sum::<f64>()
-            .sqrt();
+        let reactions = (0..f.len()).filter(|&k| self.fixed[k]).map(|k| f[k] * f[k]).sum::<f64>().sqrt();
         let loads = t.abs() * self.load.iter().map(|x| x * x).sum::<f64>().sqrt();
         self.scale = reactions.max(loads);
         for (f, load) in f.iter_mut().zip(&self.load) {
@@ -220,9 +210,7 @@ impl<const D: usize> Statics for Truss<D> {
                 rows.extend(column);
                 starts.push(rows.len());
             }
-            self.pattern = Some(Arc::new(
-                BlockPattern::from_columns(D, &starts, &rows).unwrap(),
-            ));
+            self.pattern = Some(Arc::new(BlockPattern::from_columns(D, &starts, &rows).unwrap()));
         }
         self.pattern.clone()
     }
@@ -308,19 +296,13 @@ impl<const D: usize> Dynamics for Truss<D> {
 
 /// A line of `n` points one length unit apart, springs of stiffness `k` between neighbours.
 pub fn chain(n: usize, k: f64) -> Truss<1> {
-    Truss::new(
-        (0..n).map(|x| x as f64).collect(),
-        (1..n).map(|b| [b - 1, b]),
-        k,
-    )
+    Truss::new((0..n).map(|x| x as f64).collect(), (1..n).map(|b| [b - 1, b]), k)
 }
 
 /// An `nx × ny` square lattice with diagonals, held at its left edge.
 pub fn lattice(nx: usize, ny: usize, k: f64) -> Truss<2> {
     let at = |x: usize, y: usize| x * ny + y;
-    let positions = (0..nx * ny)
-        .flat_map(|p| [(p / ny) as f64, (p % ny) as f64])
-        .collect();
+    let positions = (0..nx * ny).flat_map(|p| [(p / ny) as f64, (p % ny) as f64]).collect();
     let mut ends = Vec::new();
     for x in 0..nx {
         for y in 0..ny {
@@ -345,9 +327,7 @@ pub fn lattice(nx: usize, ny: usize, k: f64) -> Truss<2> {
 pub fn dense_solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
     let n = b.len();
     for k in 0..n {
-        let pivot = (k..n)
-            .max_by(|&i, &j| a[i][k].abs().total_cmp(&a[j][k].abs()))
-            .unwrap();
+        let pivot = (k..n).max_by(|&i, &j| a[i][k].abs().total_cmp(&a[j][k].abs())).unwrap();
         a.swap(k, pivot);
         b.swap(k, pivot);
         for i in k + 1..n {
@@ -370,9 +350,5 @@ pub fn dense_solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
 
 /// Runs in a rayon pool of so many threads.
 pub fn with_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .unwrap()
-        .install(work)
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
 }

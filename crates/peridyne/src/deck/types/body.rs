@@ -302,9 +302,7 @@ mod region {
     impl Decode for Region {
         fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
             match &node.content {
-                Content::Map(_) if node.get("table").is_none() => {
-                    Shape::decode(node, cx).map(Region::Shape)
-                }
+                Content::Map(_) if node.get("table").is_none() => Shape::decode(node, cx).map(Region::Shape),
                 _ => Field::decode(node, cx).map(Region::Where),
             }
         }
@@ -329,10 +327,7 @@ fn check_order(from: &[Quantity<Length>], to: &[Quantity<Length>], cx: &mut Cont
         if low.value >= high.value {
             cx.fault(
                 high.span,
-                format!(
-                    "`to` must be larger than `from`, but {} is not above {}",
-                    high.value, low.value
-                ),
+                format!("`to` must be larger than `from`, but {} is not above {}", high.value, low.value),
                 "exchange the two, or correct one",
             );
         }
@@ -368,17 +363,8 @@ fn check_disc(disc: &Disc, cx: &mut Context) {
 
 fn check_cylinder(cylinder: &Cylinder, cx: &mut Context) {
     check_radii(cylinder.inner_radius, cylinder.radius, cx);
-    if cylinder
-        .from
-        .iter()
-        .zip(&cylinder.to)
-        .all(|(from, to)| from.value == to.value)
-    {
-        cx.fault(
-            cylinder.to[0].span,
-            "the axis of the cylinder has no length",
-            "let `to` differ from `from`",
-        );
+    if cylinder.from.iter().zip(&cylinder.to).all(|(from, to)| from.value == to.value) {
+        cx.fault(cylinder.to[0].span, "the axis of the cylinder has no length", "let `to` differ from `from`");
     }
 }
 
@@ -389,38 +375,18 @@ fn check_sphere(sphere: &Sphere, cx: &mut Context) {
 fn check_body(body: &Body, cx: &mut Context) {
     let dimension = body.dimensions();
     match (&body.plane, dimension) {
-        (None, 2) => cx.fault(
-            body.dimension.span,
-            "`plane` is missing for a 2D body",
-            "add `plane: strain` or `plane: stress`",
-        ),
-        (Some(plane), 1 | 3) => cx.fault(
-            plane.span,
-            format!("`plane` means nothing in {dimension}D"),
-            "remove it",
-        ),
+        (None, 2) => cx.fault(body.dimension.span, "`plane` is missing for a 2D body", "add `plane: strain` or `plane: stress`"),
+        (Some(plane), 1 | 3) => cx.fault(plane.span, format!("`plane` means nothing in {dimension}D"), "remove it"),
         _ => {}
     }
     if let Some(thickness) = body.thickness.filter(|_| dimension != 2) {
-        cx.fault(
-            thickness.span,
-            format!("`thickness` means nothing in {dimension}D"),
-            "remove it; a 1D body has an `area`",
-        );
+        cx.fault(thickness.span, format!("`thickness` means nothing in {dimension}D"), "remove it; a 1D body has an `area`");
     }
     if let Some(area) = body.area.filter(|_| dimension != 1) {
-        cx.fault(
-            area.span,
-            format!("`area` means nothing in {dimension}D"),
-            "remove it; a 2D body has a `thickness`",
-        );
+        cx.fault(area.span, format!("`area` means nothing in {dimension}D"), "remove it; a 2D body has a `thickness`");
     }
     if body.points.is_empty() {
-        cx.fault(
-            body.span,
-            "the body has no points",
-            "add a source such as `- rectangle: {from: …, to: …, spacing: …}` under `points:`",
-        );
+        cx.fault(body.span, "the body has no points", "add a source such as `- rectangle: {from: …, to: …, spacing: …}` under `points:`");
     }
     for points in &body.points {
         let (needs, span) = match points {
@@ -432,14 +398,7 @@ fn check_body(body: &Body, cx: &mut Context) {
             Points::Sphere(shape) => (3, shape.span),
             Points::File(file) => (dimension, file.span),
         };
-        wrong_dimension(
-            points.name(),
-            needs,
-            span,
-            dimension,
-            ["line", "rectangle` or `disc", "box`, `cylinder` or `sphere"],
-            cx,
-        );
+        wrong_dimension(points.name(), needs, span, dimension, ["line", "rectangle` or `disc", "box`, `cylinder` or `sphere"], cx);
     }
     for crack in &body.cracks {
         let (needs, span) = match crack {
@@ -448,25 +407,11 @@ fn check_body(body: &Body, cx: &mut Context) {
             Crack::Rectangle(crack) => (3, crack.span),
             Crack::Disc(crack) => (3, crack.span),
         };
-        wrong_dimension(
-            crack.name(),
-            needs,
-            span,
-            dimension,
-            ["point", "segment", "rectangle` or `disc"],
-            cx,
-        );
+        wrong_dimension(crack.name(), needs, span, dimension, ["point", "segment", "rectangle` or `disc"], cx);
     }
 }
 
-fn wrong_dimension(
-    name: &str,
-    needs: usize,
-    span: crate::deck::Span,
-    dimension: usize,
-    right: [&str; 3],
-    cx: &mut Context,
-) {
+fn wrong_dimension(name: &str, needs: usize, span: crate::deck::Span, dimension: usize, right: [&str; 3], cx: &mut Context) {
     if needs != dimension && (1..=3).contains(&dimension) {
         cx.fault(
             span,

@@ -1,8 +1,7 @@
 //! `conditions` and `temperature`: what acts on the body.
 use crate::deck::decode::{Context, SetName, Spanned, Text, choice, section};
 use crate::deck::quantity::{
-    ContactStiffness, Field, ForceDensity, Length, Number, OnlyTime, Pressure, Quantity,
-    SpaceField, Temperature, TimeField, Velocity,
+    ContactStiffness, Field, ForceDensity, Length, Number, OnlyTime, Pressure, Quantity, SpaceField, Temperature, TimeField, Velocity,
 };
 
 choice! {
@@ -230,11 +229,7 @@ impl Condition {
 fn check_axis(axis: usize, span: crate::deck::Span, cx: &mut Context) {
     if let Some(dimension) = cx.dimension.filter(|dimension| axis >= *dimension) {
         let name = ["x", "y", "z"][axis];
-        cx.fault(
-            span,
-            format!("there is no `{name}` direction in a {dimension}D body"),
-            "remove it",
-        );
+        cx.fault(span, format!("there is no `{name}` direction in a {dimension}D body"), "remove it");
     }
 }
 
@@ -271,19 +266,9 @@ fn check_wall(wall: &RigidWall, cx: &mut Context) {
     let (normal, at) = (wall.normal.len(), wall.at.len());
     let dimension = cx.dimension.unwrap_or(normal);
     if normal != dimension || at != dimension {
-        let message = format!(
-            "`normal` has {normal} components and `at` has {at}, but the body has dimension {dimension}"
-        );
-        cx.fault(
-            wall.span,
-            message,
-            "give both as many as the body has dimensions",
-        );
+        let message = format!("`normal` has {normal} components and `at` has {at}, but the body has dimension {dimension}");
+        cx.fault(wall.span, message, "give both as many as the body has dimensions");
     } else if wall.normal.iter().all(|component| component.value == 0.0) {
-        cx.fault(
-            wall.span,
-            "`normal` has no direction",
-            "write for example `normal: [1, 0, 0]`",
-        );
+        cx.fault(wall.span, "`normal` has no direction", "write for example `normal: [1, 0, 0]`");
     }
 }

@@ -186,26 +186,11 @@ fn check_expectation(expectation: &Expectation, cx: &mut Context) {
         ("error", expectation.error.is_some()),
         ("expression", expectation.expression.is_some()),
     ];
-    let given: Vec<String> = kinds
-        .iter()
-        .filter(|(_, given)| *given)
-        .map(|(name, _)| format!("`{name}`"))
-        .collect();
+    let given: Vec<String> = kinds.iter().filter(|(_, given)| *given).map(|(name, _)| format!("`{name}`")).collect();
     match given.len() {
-        0 => cx.fault(
-            span,
-            "the expectation does not say what is measured",
-            "give one of `quantity`, `field`, `error`, `expression`",
-        ),
+        0 => cx.fault(span, "the expectation does not say what is measured", "give one of `quantity`, `field`, `error`, `expression`"),
         1 => {}
-        _ => cx.fault(
-            span,
-            format!(
-                "an expectation measures one thing, but {} are given",
-                given.join(" and ")
-            ),
-            "keep one",
-        ),
+        _ => cx.fault(span, format!("an expectation measures one thing, but {} are given", given.join(" and ")), "keep one"),
     }
     if expectation.field.is_some() {
         let placed = matches!(expectation.at, Some(At::Position(_)));
@@ -218,44 +203,22 @@ fn check_expectation(expectation: &Expectation, cx: &mut Context) {
             );
         }
     } else if let Some(At::Position(position)) = &expectation.at {
-        cx.fault(
-            position.span,
-            "a position has a meaning for `field` only",
-            "write the time as a number",
-        );
+        cx.fault(position.span, "a position has a meaning for `field` only", "write the time as a number");
     }
     match (&expectation.value, &expectation.between) {
-        (None, None) => cx.fault(
-            span,
-            "the expectation has no value",
-            "give `value` with `tolerance` or `absolute`, or `between: [low, high]`",
-        ),
-        (Some(_), Some(between)) => cx.fault(
-            between[0].span,
-            "both `value` and `between` are given",
-            "keep one",
-        ),
-        (Some(value), None)
-            if expectation.tolerance.is_none() && expectation.absolute.is_none() =>
-        {
-            cx.fault(
-                value.span,
-                "the expectation has no tolerance",
-                "add `tolerance: 1e-3` (relative) or `absolute: …`",
-            );
+        (None, None) => {
+            cx.fault(span, "the expectation has no value", "give `value` with `tolerance` or `absolute`, or `between: [low, high]`")
+        }
+        (Some(_), Some(between)) => cx.fault(between[0].span, "both `value` and `between` are given", "keep one"),
+        (Some(value), None) if expectation.tolerance.is_none() && expectation.absolute.is_none() => {
+            cx.fault(value.span, "the expectation has no tolerance", "add `tolerance: 1e-3` (relative) or `absolute: …`");
         }
         (Some(value), None) if value.value == 0.0 && expectation.absolute.is_none() => {
-            cx.fault(
-                value.span,
-                "a relative tolerance means nothing for the value 0",
-                "add `absolute: …`",
-            );
+            cx.fault(value.span, "a relative tolerance means nothing for the value 0", "add `absolute: …`");
         }
-        (None, Some([low, high])) if low.value > high.value => cx.fault(
-            high.span,
-            "`between` must not decrease",
-            "write `between: [low, high]`",
-        ),
+        (None, Some([low, high])) if low.value > high.value => {
+            cx.fault(high.span, "`between` must not decrease", "write `between: [low, high]`")
+        }
         _ => {}
     }
 }

@@ -1,8 +1,7 @@
 //! `materials`: models, their constants, and damage.
 use crate::deck::decode::{Context, Decode, SetName, choice, section};
 use crate::deck::quantity::{
-    Angle, Any, BondRatio, Density, EnergyPerArea, Expansion, Field, Number, Pressure, Quantity,
-    SpaceField, Stretch, Time,
+    Angle, Any, BondRatio, Density, EnergyPerArea, Expansion, Field, Number, Pressure, Quantity, SpaceField, Stretch, Time,
 };
 use crate::deck::tree::{Content, Node};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -352,44 +351,39 @@ impl Decode for Voigt {
         let Content::List(items) = &node.content else {
             cx.fault(
                 node.span,
-                format!(
-                    "21 stiffnesses are needed here, but {} was found",
-                    node.shown()
-                ),
+                format!("21 stiffnesses are needed here, but {} was found", node.shown()),
                 "write the upper triangle by rows, or 6 rows of 6",
             );
             return None;
         };
-        if items.len() == 6
-            && items
-                .iter()
-                .all(|item| matches!(item.content, Content::List(_)))
-        {
+        if items.len() == 6 && items.iter().all(|item| matches!(item.content, Content::List(_))) {
             let rows: [[SpaceField<Pressure>; 6]; 6] = Decode::decode(node, cx)?;
             for i in 0..6 {
                 for j in 0..i {
-                    if let (Some(lower), Some(upper)) =
-                        (rows[i][j].constant(), rows[j][i].constant())
+                    if let (Some(lower), Some(upper)) = (rows[i][j].constant(), rows[j][i].constant())
                         && (lower - upper).abs() > 1e-9 * lower.abs().max(upper.abs())
                     {
-                        cx.fault(rows[i][j].span, format!("the stiffness is not symmetric: entry {}{} is {lower}, entry {}{} is {upper}", i + 1, j + 1, j + 1, i + 1), "make both equal");
+                        cx.fault(
+                            rows[i][j].span,
+                            format!(
+                                "the stiffness is not symmetric: entry {}{} is {lower}, entry {}{} is {upper}",
+                                i + 1,
+                                j + 1,
+                                j + 1,
+                                i + 1
+                            ),
+                            "make both equal",
+                        );
                     }
                 }
             }
-            let upper = rows
-                .into_iter()
-                .enumerate()
-                .flat_map(|(i, row)| row.into_iter().skip(i))
-                .collect();
+            let upper = rows.into_iter().enumerate().flat_map(|(i, row)| row.into_iter().skip(i)).collect();
             return Some(Self(upper));
         }
         if items.len() != 21 {
             cx.fault(
                 node.span,
-                format!(
-                    "21 stiffnesses are needed here, but there are {}",
-                    items.len()
-                ),
+                format!("21 stiffnesses are needed here, but there are {}", items.len()),
                 "write the upper triangle by rows, or 6 rows of 6",
             );
             return None;
@@ -438,10 +432,7 @@ fn check_bilinear(law: &Bilinear, cx: &mut Context) {
     if law.failure_stretch.value <= law.peak_stretch.value {
         cx.fault(
             law.failure_stretch.span,
-            format!(
-                "`failure_stretch` must be above `peak_stretch` = {}",
-                law.peak_stretch.value
-            ),
+            format!("`failure_stretch` must be above `peak_stretch` = {}", law.peak_stretch.value),
             "exchange the two, or correct one",
         );
     }
@@ -450,50 +441,26 @@ fn check_bilinear(law: &Bilinear, cx: &mut Context) {
 fn check_bond_expression(law: &BondExpression, cx: &mut Context) {
     let [low, high] = law.range;
     if low.value >= high.value {
-        cx.fault(
-            high.span,
-            "the range must increase",
-            "write for example `range: [-0.1, 0.1]`",
-        );
+        cx.fault(high.span, "the range must increase", "write for example `range: [-0.1, 0.1]`");
     }
 }
 
 /// The elastic constants that are given, by name.
 fn given(constants: [(&str, bool); 4]) -> Vec<&str> {
-    constants
-        .into_iter()
-        .filter(|(_, given)| *given)
-        .map(|(name, _)| name)
-        .collect()
+    constants.into_iter().filter(|(_, given)| *given).map(|(name, _)| name).collect()
 }
 
-const CONSTANTS_HELP: &str =
-    "give two of `youngs_modulus`, `poisson_ratio`, `bulk_modulus`, `shear_modulus`";
+const CONSTANTS_HELP: &str = "give two of `youngs_modulus`, `poisson_ratio`, `bulk_modulus`, `shear_modulus`";
 
 fn check_two(given: &[&str], span: crate::deck::Span, cx: &mut Context) {
     if given.len() != 2 {
         let found = if given.is_empty() {
             "none is".into()
         } else {
-            format!(
-                "{} are",
-                given
-                    .iter()
-                    .map(|name| format!("`{name}`"))
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            )
+            format!("{} are", given.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "))
         };
-        let found = if given.len() == 1 {
-            found.replace(" are", " alone is")
-        } else {
-            found
-        };
-        cx.fault(
-            span,
-            format!("two elastic constants are needed, but {found} given"),
-            CONSTANTS_HELP,
-        );
+        let found = if given.len() == 1 { found.replace(" are", " alone is") } else { found };
+        cx.fault(span, format!("two elastic constants are needed, but {found} given"), CONSTANTS_HELP);
     }
 }
 
@@ -516,10 +483,7 @@ fn check_elasticity(law: &Elasticity, cx: &mut Context) {
     ]);
     let tables: Vec<&str> = [
         ("orthotropic", law.orthotropic.is_some()),
-        (
-            "transversely_isotropic",
-            law.transversely_isotropic.is_some(),
-        ),
+        ("transversely_isotropic", law.transversely_isotropic.is_some()),
         ("anisotropic", law.anisotropic.is_some()),
     ]
     .into_iter()
@@ -530,12 +494,12 @@ fn check_elasticity(law: &Elasticity, cx: &mut Context) {
         (_, []) => check_two(&isotropic, law.span, cx),
         ([], [_]) => {}
         (isotropic, tables) => {
-            let all: Vec<String> = isotropic
-                .iter()
-                .chain(tables)
-                .map(|name| format!("`{name}`"))
-                .collect();
-            cx.fault(law.span, format!("the elastic constants are given in more than one way: {}", all.join(", ")), "keep two isotropic constants, or one of `orthotropic`, `transversely_isotropic`, `anisotropic`");
+            let all: Vec<String> = isotropic.iter().chain(tables).map(|name| format!("`{name}`")).collect();
+            cx.fault(
+                law.span,
+                format!("the elastic constants are given in more than one way: {}", all.join(", ")),
+                "keep two isotropic constants, or one of `orthotropic`, `transversely_isotropic`, `anisotropic`",
+            );
         }
     }
 }
@@ -544,10 +508,7 @@ fn check_damage(damage: &Damage, cx: &mut Context) {
     let given = [
         ("energy_release_rate", damage.energy_release_rate.is_some()),
         ("critical_stretch", damage.critical_stretch.is_some()),
-        (
-            "critical_bond_energy",
-            damage.critical_bond_energy.is_some(),
-        ),
+        ("critical_bond_energy", damage.critical_bond_energy.is_some()),
     ];
     let count = given.iter().filter(|(_, given)| *given).count();
     if count != 1 {
@@ -557,11 +518,7 @@ fn check_damage(damage: &Damage, cx: &mut Context) {
             "give one of `energy_release_rate`, `critical_stretch`, `critical_bond_energy`",
         );
     }
-    match (
-        &damage.criterion,
-        &damage.critical_stretch,
-        &damage.critical_bond_energy,
-    ) {
+    match (&damage.criterion, &damage.critical_stretch, &damage.critical_bond_energy) {
         (Criterion::CriticalBondEnergy, Some(field), _) => {
             cx.fault(
                 field.span,

@@ -1,6 +1,6 @@
 //! `output`: what is written.
-use crate::deck::decode::Position;
 use super::expect::Reduction;
+use crate::deck::decode::Position;
 use crate::deck::decode::{Auto, Context, Decode, SetName, Text, choice, section};
 use crate::deck::quantity::{Angle, Any, Count, Number, Quantity, SpaceField, Time};
 use crate::deck::report::suggest;
@@ -71,13 +71,9 @@ impl FieldName {
     /// The components that can follow the name after a dot; none for a scalar field.
     pub fn components(&self) -> &'static [&'static str] {
         match self {
-            FieldName::Displacement | FieldName::Velocity | FieldName::ForceDensity => {
-                &["x", "y", "z", "magnitude"]
-            }
+            FieldName::Displacement | FieldName::Velocity | FieldName::ForceDensity => &["x", "y", "z", "magnitude"],
             FieldName::Strain | FieldName::Stress => &["xx", "yy", "zz", "yz", "xz", "xy"],
-            FieldName::DeformationGradient => {
-                &["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"]
-            }
+            FieldName::DeformationGradient => &["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"],
             _ => &[],
         }
     }
@@ -102,49 +98,25 @@ impl Decode for FieldComponent {
             None => (text.as_str(), None),
         };
         if !FieldName::NAMES.contains(&name) {
-            cx.fault(
-                node.span,
-                format!("`{name}` is not a field"),
-                suggest(name, FieldName::NAMES.iter().copied()),
-            );
+            cx.fault(node.span, format!("`{name}` is not a field"), suggest(name, FieldName::NAMES.iter().copied()));
             return None;
         }
         let field = FieldName::decode(&Node::scalar(name, node.span), cx)?;
         let known = field.components();
         match component {
-            None if known.is_empty() => Some(Self {
-                field,
-                component: None,
-                span: node.span,
-            }),
+            None if known.is_empty() => Some(Self { field, component: None, span: node.span }),
             None => {
-                cx.fault(
-                    node.span,
-                    format!("`{name}` has several components"),
-                    format!("write for example `{name}.{}`", known[0]),
-                );
+                cx.fault(node.span, format!("`{name}` has several components"), format!("write for example `{name}.{}`", known[0]));
                 None
             }
             Some(component) => match known.iter().copied().find(|known| *known == component) {
-                Some(component) => Some(Self {
-                    field,
-                    component: Some(component),
-                    span: node.span,
-                }),
+                Some(component) => Some(Self { field, component: Some(component), span: node.span }),
                 None if known.is_empty() => {
-                    cx.fault(
-                        node.span,
-                        format!("`{name}` has no components"),
-                        format!("write `{name}` alone"),
-                    );
+                    cx.fault(node.span, format!("`{name}` has no components"), format!("write `{name}` alone"));
                     None
                 }
                 None => {
-                    cx.fault(
-                        node.span,
-                        format!("`{component}` is not a component of `{name}`"),
-                        suggest(component, known.iter().copied()),
-                    );
+                    cx.fault(node.span, format!("`{component}` is not a component of `{name}`"), suggest(component, known.iter().copied()));
                     None
                 }
             },
@@ -187,11 +159,7 @@ impl JsonSchema for FieldComponent {
             if let Some(field) = FieldName::decode(&Node::scalar(*name, span), &mut cx) {
                 match field.components() {
                     [] => all.push(name.to_string()),
-                    components => all.extend(
-                        components
-                            .iter()
-                            .map(|component| format!("{name}.{component}")),
-                    ),
+                    components => all.extend(components.iter().map(|component| format!("{name}.{component}"))),
                 }
             }
         }
@@ -330,11 +298,7 @@ section! {
 
 fn check_output(output: &Output, cx: &mut Context) {
     if let (Some(_), Some(every)) = (&output.frames, &output.every) {
-        cx.fault(
-            every.span,
-            "both `frames` and `every` are given",
-            "keep one",
-        );
+        cx.fault(every.span, "both `frames` and `every` are given", "keep one");
     }
 }
 
@@ -342,16 +306,10 @@ fn check_plot(plot: &Plot, cx: &mut Context) {
     let history = plot.x.is_some() || plot.y.is_some() || plot.log.is_some();
     let line = plot.along.is_some() || plot.fields.is_some() || plot.analytic.is_some();
     let fault = match (history, line) {
-        (true, true) => Some(
-            "a plot is either of histories (`x`, `y`, `log`) or along a line (`along`, `fields`, `analytic`)",
-        ),
+        (true, true) => Some("a plot is either of histories (`x`, `y`, `log`) or along a line (`along`, `fields`, `analytic`)"),
         (false, false) => Some("a plot needs `x` and `y`, or `along` and `fields`"),
-        (true, false) if plot.x.is_none() || plot.y.is_none() => {
-            Some("a plot of histories needs both `x` and `y`")
-        }
-        (false, true) if plot.along.is_none() || plot.fields.is_none() => {
-            Some("a plot along a line needs both `along` and `fields`")
-        }
+        (true, false) if plot.x.is_none() || plot.y.is_none() => Some("a plot of histories needs both `x` and `y`"),
+        (false, true) if plot.along.is_none() || plot.fields.is_none() => Some("a plot along a line needs both `along` and `fields`"),
         _ => None,
     };
     if let Some(message) = fault {

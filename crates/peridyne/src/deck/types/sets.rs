@@ -90,9 +90,7 @@ impl PointSet {
     pub fn names<'a>(&'a self, names: &mut Vec<&'a SetName>) {
         match self {
             PointSet::Name(name) => names.push(name),
-            PointSet::Rule(SetRule::AllOf(parts) | SetRule::AnyOf(parts)) => {
-                parts.iter().for_each(|part| part.names(names))
-            }
+            PointSet::Rule(SetRule::AllOf(parts) | SetRule::AnyOf(parts)) => parts.iter().for_each(|part| part.names(names)),
             PointSet::Rule(SetRule::Not(part)) => part.names(names),
             PointSet::Rule(_) => {}
         }

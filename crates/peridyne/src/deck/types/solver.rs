@@ -78,16 +78,10 @@ section! {
 
 fn check_verlet(solver: &VelocityVerlet, cx: &mut Context) {
     match (&solver.end, &solver.steps) {
-        (None, None) => cx.fault(
-            solver.span,
-            "`end` or `steps` is missing in a velocity Verlet solver",
-            "add `end: …` (a time) or `steps: …`",
-        ),
-        (Some(_), Some(steps)) => cx.fault(
-            steps.span,
-            "both `end` and `steps` are given",
-            "keep one; the time step is set by `step`",
-        ),
+        (None, None) => {
+            cx.fault(solver.span, "`end` or `steps` is missing in a velocity Verlet solver", "add `end: …` (a time) or `steps: …`")
+        }
+        (Some(_), Some(steps)) => cx.fault(steps.span, "both `end` and `steps` are given", "keep one; the time step is set by `step`"),
         _ => {}
     }
 }
