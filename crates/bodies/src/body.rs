@@ -167,7 +167,7 @@ impl<const D: usize> Body<D> {
         });
     }
 
-    /// Internal forces [N] at displacements `u` (and velocities `v`), overwriting `force`.
+    /// Internal forces \[N\] at displacements `u` (and velocities `v`), overwriting `force`.
     pub fn internal_force(&mut self, u: &[f64], v: Option<&[f64]>, force: &mut [f64]) {
         self.forward(u, v);
         let parts = &self.parts;
@@ -239,7 +239,7 @@ impl<const D: usize> Body<D> {
         })
     }
 
-    /// Strain energy [J].
+    /// Strain energy \[J\].
     pub fn energy(&mut self, u: &[f64]) -> f64 {
         let density = self.energy_density(u);
         ordered_sum(self.points, |p| density[p] * self.volume[p])

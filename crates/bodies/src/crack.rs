@@ -4,7 +4,7 @@
 //!
 //! * A crack has two sides. A material point on the plane (line, place) of a crack belongs to its **positive** side: of a point
 //!   crack the side of larger x; of a segment the left one, going from `from` to `to`; of a parallelogram the one that
-//!   `edges[0] × edges[1]` points to; of a disc the one its normal points to. So a crack along a row of points leaves that row
+//!   `edges[0] × edges\[1\]` points to; of a disc the one its normal points to. So a crack along a row of points leaves that row
 //!   whole, bound to one side and free of the other.
 //! * A bond is cut if its ends are on different sides and it meets the plane within the crack, edges and tips included: a bond that
 //!   touches an edge within 1e-12 of the size of crack and bond is cut.

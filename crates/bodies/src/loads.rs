@@ -28,7 +28,7 @@ pub struct Wall {
     pub at: [f64; 3],
     /// Displacement of the wall along its normal.
     pub motion: Box<dyn Fn(f64) -> f64 + Send + Sync>,
-    /// κ per point of the condition [N/m].
+    /// κ per point of the condition \[N/m\].
     pub stiffness: Vec<f64>,
 }
 
@@ -51,7 +51,7 @@ impl Condition {
     }
 }
 
-/// Adds the external forces of all conditions at time `t` to `force` [N].
+/// Adds the external forces of all conditions at time `t` to `force` \[N\].
 pub fn add_external<const D: usize>(conditions: &[Condition], position: &[[f64; 3]], volume: &[f64], t: f64, force: &mut [f64]) {
     for c in conditions {
         let per_volume = |q: usize| match &c.kind {

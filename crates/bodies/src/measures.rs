@@ -6,29 +6,29 @@ use physics::tensor::Matrix;
 /// A field that can be asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FieldName {
-    /// u [m]
+    /// u \[m\]
     Displacement,
-    /// u̇ [m/s]
+    /// u̇ \[m/s\]
     Velocity,
     /// Nonlocal F.
     DeformationGradient,
     /// Green–Lagrange strain of the nonlocal F.
     Strain,
-    /// Cauchy stress σ = P Fᵀ/J [Pa], P = ∫ T ⊗ ξ dV′.
+    /// Cauchy stress σ = P Fᵀ/J \[Pa\], P = ∫ T ⊗ ξ dV′.
     Stress,
-    /// Von Mises stress [Pa].
+    /// Von Mises stress \[Pa\].
     VonMises,
     /// det F − 1
     Dilatation,
-    /// −tr σ/3 [Pa]
+    /// −tr σ/3 \[Pa\]
     Pressure,
-    /// W [J/m³]
+    /// W \[J/m³\]
     EnergyDensity,
     /// φ, 0 whole, 1 free
     Damage,
     /// Intact bonds.
     FamilySize,
-    /// Internal and external force per volume [N/m³]
+    /// Internal and external force per volume \[N/m³\]
     ForceDensity,
     /// Smallest |Y|/|ξ| of the intact bonds.
     MinBondRatio,

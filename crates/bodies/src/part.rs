@@ -52,7 +52,7 @@ pub trait Part<const D: usize>: Send + Sync {
     fn save_shapes(&mut self);
     /// Back to the saved shapes.
     fn restore_shapes(&mut self);
-    /// Adds the force densities × volumes of the part's families to the rows of all local points [N].
+    /// Adds the force densities × volumes of the part's families to the rows of all local points \[N\].
     fn add_force(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]);
     /// The same with a derivative along a direction.
     fn add_force_dual(&self, chunk: usize, c: &Configuration<Dual>, force: &mut [Dual]);

@@ -12,9 +12,9 @@ const RUNAWAY: f64 = 1e3;
 
 /// A prescribed temperature field.
 pub struct Temperature {
-    /// T(x, t) [K].
+    /// T(x, t) \[K\].
     pub field: Field,
-    /// Temperature without thermal strain [K].
+    /// Temperature without thermal strain \[K\].
     pub reference: f64,
 }
 
@@ -34,24 +34,24 @@ pub struct Parts {
     pub user: Vec<u32>,
     /// Number of the material of each point.
     pub material: Vec<u32>,
-    /// Density of each point [kg/m³].
+    /// Density of each point \[kg/m³\].
     pub density: Vec<f64>,
 }
 
 /// Energies and momenta at an instant.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Balance {
-    /// Σ m v²/2 [J]
+    /// Σ m v²/2 \[J\]
     pub kinetic: f64,
-    /// Σ V W [J]
+    /// Σ V W \[J\]
     pub strain: f64,
-    /// Energy of walls [J]
+    /// Energy of walls \[J\]
     pub contact: f64,
-    /// Work done on the body by prescribed motions and external forces so far [J]
+    /// Work done on the body by prescribed motions and external forces so far \[J\]
     pub external_work: f64,
-    /// Linear momentum [kg m/s]
+    /// Linear momentum \[kg m/s\]
     pub momentum: [f64; 3],
-    /// Angular momentum about the origin [kg m²/s]
+    /// Angular momentum about the origin \[kg m²/s\]
     pub angular_momentum: [f64; 3],
 }
 
@@ -207,7 +207,7 @@ impl<const D: usize> Structure<D> {
         self.has_time = true;
     }
 
-    /// Internal, external and contact forces [N] at free and fixed dofs alike.
+    /// Internal, external and contact forces \[N\] at free and fixed dofs alike.
     pub fn total_force(&mut self, t: f64, u: &[f64], v: Option<&[f64]>, f: &mut [f64]) -> f64 {
         self.at_time(t);
         self.body.internal_force(u, v, f);
@@ -225,7 +225,7 @@ impl<const D: usize> Structure<D> {
     /// The first thing wrong with a state: not a number, or runaway.
     fn check(&self, t: f64, u: &[f64], f: &[f64]) -> Result<(), Stop> {
         let limit = RUNAWAY * self.size;
-        let wrong = |q: usize| !(u[q].abs() <= limit) || !f[q].is_finite();
+        let wrong = |q: usize| u[q].is_nan() || u[q].abs() > limit || !f[q].is_finite();
         let Some(dof) = (0..u.len()).find(|&q| wrong(q)) else { return Ok(()) };
         let p = dof / D;
         let x = self.body.position()[p];

@@ -343,7 +343,7 @@ fn resolve(
         return vec![];
     }
     open.push(name.into());
-    let inside = members(deck, cloud, set, span, open, known, issues);
+    let inside = members(deck, cloud, set, open, known, issues);
     open.pop();
     let points: Vec<u32> = (0..cloud.len() as u32).filter(|&p| inside[p as usize]).collect();
     known.insert(name.into(), points.clone());
@@ -354,7 +354,6 @@ fn members(
     deck: &Deck,
     cloud: &PointCloud,
     set: &PointSet,
-    span: Span,
     open: &mut Vec<String>,
     known: &mut BTreeMap<String, Vec<u32>>,
     issues: &mut Vec<Issue>,
@@ -381,14 +380,14 @@ fn members(
             layers(cloud, axis, last, l.count.value as usize)
         }
         SetRule::AllOf(parts) => {
-            let all: Vec<Vec<bool>> = parts.iter().map(|s| members(deck, cloud, s, span, open, known, issues)).collect();
+            let all: Vec<Vec<bool>> = parts.iter().map(|s| members(deck, cloud, s, open, known, issues)).collect();
             (0..cloud.len()).map(|p| all.iter().all(|m| m[p])).collect()
         }
         SetRule::AnyOf(parts) => {
-            let all: Vec<Vec<bool>> = parts.iter().map(|s| members(deck, cloud, s, span, open, known, issues)).collect();
+            let all: Vec<Vec<bool>> = parts.iter().map(|s| members(deck, cloud, s, open, known, issues)).collect();
             (0..cloud.len()).map(|p| all.iter().any(|m| m[p])).collect()
         }
-        SetRule::Not(part) => members(deck, cloud, part, span, open, known, issues).into_iter().map(|m| !m).collect(),
+        SetRule::Not(part) => members(deck, cloud, part, open, known, issues).into_iter().map(|m| !m).collect(),
         SetRule::File(path) => match crate::point_file::read_ids(&deck.resolve(&path.value)) {
             Ok(ids) => ids_of(cloud, ids.into_iter().map(|i| (i, path.span)), issues),
             Err(e) => {

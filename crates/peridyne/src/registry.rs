@@ -70,7 +70,7 @@ fn build<const D: usize>(problem: &Problem) -> Checked<Assembly> {
     let mut parts: Vec<Box<dyn Part<D>>> = vec![];
     for (m, (name, material)) in deck.materials.iter().enumerate() {
         let points: Vec<u32> = (0..n as u32).filter(|&p| problem.material[p as usize] == m as u32).collect();
-        let site = Site { problem, material, name: &name.value, points: &points, body: &body, span: name.span };
+        let site = Site { problem, material, name: &name.value, points: &points, body: &body };
         parts.push(part::<D>(&site)?);
     }
     if let Err(singular) = body.assign(parts) {
@@ -91,7 +91,8 @@ fn build<const D: usize>(problem: &Problem) -> Checked<Assembly> {
     let mut failure = vec![];
     for (m, (name, material)) in deck.materials.iter().enumerate() {
         if let Some(damage) = &material.damage {
-            failure.push(thresholds(problem, &body, m as u32, &name.value, material, damage, &mut derived)?);
+            let more = thresholds(problem, &body, m as u32, &name.value, material, damage, &mut derived)?;
+            join(&mut failure, more);
         }
     }
     if let Some(cracks) = &problem.cracks {
@@ -126,7 +127,6 @@ struct Site<'a, const D: usize> {
     name: &'a str,
     points: &'a [u32],
     body: &'a Body<D>,
-    span: deck::Span,
 }
 
 impl<const D: usize> Site<'_, D> {
@@ -521,8 +521,22 @@ impl Weights {
     }
 }
 
-/// Thresholds of a material's damage criterion per point; infinite elsewhere? No: other materials keep their own criterion,
-/// so they are infinite here, and a bond between two materials breaks by neither unless both list it.
+/// Criteria of the same kind become one, so that a bond between two materials breaks at the mean of their thresholds. Between
+/// materials of different criteria, or where one has none, bonds do not break.
+fn join(all: &mut Vec<Failure>, more: Failure) {
+    for known in all.iter_mut() {
+        let (a, b) = match (&mut known.criterion, &more.criterion) {
+            (Criterion::CriticalStretch(a), Criterion::CriticalStretch(b)) => (a, b),
+            (Criterion::CriticalBondEnergy(a), Criterion::CriticalBondEnergy(b)) => (a, b),
+            _ => continue,
+        };
+        a.iter_mut().zip(b).for_each(|(a, b)| *a = a.min(*b));
+        return;
+    }
+    all.push(more);
+}
+
+/// Thresholds of a material's damage criterion per point, infinite at the points of other materials.
 fn thresholds<const D: usize>(
     problem: &Problem,
     body: &Body<D>,

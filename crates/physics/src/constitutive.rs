@@ -24,11 +24,11 @@ pub use saint_venant_kirchhoff::SaintVenantKirchhoff;
 pub struct Deformation<R, const D: usize> {
     /// H = F − 1
     pub gradient: Matrix<R, D>,
-    /// Ḟ [1/s], zero where velocities are not known (statics).
+    /// Ḟ \[1/s\], zero where velocities are not known (statics).
     pub rate: Matrix<R, D>,
-    /// Temperature change against the reference [K].
+    /// Temperature change against the reference \[K\].
     pub temperature: f64,
-    /// Time [s].
+    /// Time \[s\].
     pub time: f64,
 }
 
@@ -75,9 +75,9 @@ pub trait Law<const D: usize>: Copy + Send + Sync + 'static {
     type Constants: Copy + Send + Sync + 'static;
     /// The stiffness at small strain.
     fn stiffness(&self, c: &Self::Constants) -> Stiffness<D>;
-    /// First Piola–Kirchhoff stress P [Pa].
+    /// First Piola–Kirchhoff stress P \[Pa\].
     fn first_piola<R: Scalar>(&self, c: &Self::Constants, f: &Deformation<R, D>) -> Matrix<R, D>;
-    /// Energy density ψ [J/m³]; 0 for a law that has none.
+    /// Energy density ψ \[J/m³\]; 0 for a law that has none.
     fn energy<R: Scalar>(&self, c: &Self::Constants, f: &Deformation<R, D>) -> R;
 }
 
@@ -87,7 +87,7 @@ pub trait CauchyLaw<const D: usize>: Copy + Send + Sync + 'static {
     type Constants: Copy + Send + Sync + 'static;
     /// The stiffness at small strain.
     fn stiffness(&self, c: &Self::Constants) -> Stiffness<D>;
-    /// Cauchy stress σ [Pa] and the product of the transverse stretches (1 in plane strain and in three dimensions), so
+    /// Cauchy stress σ \[Pa\] and the product of the transverse stretches (1 in plane strain and in three dimensions), so
     /// that the three-dimensional J is det F times it.
     fn cauchy<R: Scalar>(&self, c: &Self::Constants, f: &Deformation<R, D>) -> (Matrix<R, D>, R);
 }

@@ -8,17 +8,17 @@ use crate::tensor::Matrix;
 pub enum Section {
     /// A bar of the given cross-section, free to contract: uniaxial stress.
     Bar {
-        /// Cross-section [m²].
+        /// Cross-section \[m²\].
         area: f64,
     },
     /// Plane strain, per the given thickness.
     PlaneStrain {
-        /// Thickness [m].
+        /// Thickness \[m\].
         thickness: f64,
     },
     /// Plane stress.
     PlaneStress {
-        /// Thickness [m].
+        /// Thickness \[m\].
         thickness: f64,
     },
     /// Three dimensions.
@@ -55,7 +55,7 @@ impl Section {
 /// Isotropic elastic constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Isotropic {
-    /// Young's modulus E [Pa].
+    /// Young's modulus E \[Pa\].
     pub young: f64,
     /// Poisson's ratio ν.
     pub poisson: f64,
@@ -113,9 +113,9 @@ impl Isotropic {
 /// Engineering constants of an orthotropic material in its own axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orthotropic {
-    /// E₁, E₂, E₃ [Pa].
+    /// E₁, E₂, E₃ \[Pa\].
     pub young: [f64; 3],
-    /// G₂₃, G₁₃, G₁₂ [Pa].
+    /// G₂₃, G₁₃, G₁₂ \[Pa\].
     pub shear: [f64; 3],
     /// ν₂₃, ν₁₃, ν₁₂: strain in the second direction over the one in the first, under tension in the first.
     pub poisson: [f64; 3],
@@ -173,11 +173,11 @@ pub fn rotate(c: &[[f64; 6]; 6], axes: &[[f64; 3]; 3]) -> [[f64; 6]; 6] {
 /// The linear elastic stiffness of a section, thermal stress included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stiffness<const D: usize> {
-    /// C in Voigt order (1D: 11; 2D: 11, 22, 12; 3D: 11, 22, 33, 23, 13, 12), engineering shear strains [Pa].
+    /// C in Voigt order (1D: 11; 2D: 11, 22, 12; 3D: 11, 22, 33, 23, 13, 12), engineering shear strains \[Pa\].
     pub voigt: [[f64; 6]; 6],
-    /// Stress per unit temperature change at no strain, with opposite sign: β = C:α [Pa/K].
+    /// Stress per unit temperature change at no strain, with opposite sign: β = C:α \[Pa/K\].
     pub thermal: [f64; 6],
-    /// α:C:α of the section: the energy that free expansion needs to be free [Pa/K²].
+    /// α:C:α of the section: the energy that free expansion needs to be free \[Pa/K²\].
     pub thermal_energy: f64,
     /// σ₃₃ as a combination of (σ₁₁, σ₂₂, σ₁₂): plane strain only.
     pub out_of_plane: [f64; 3],

@@ -46,7 +46,7 @@ pub fn continuum_critical_stretch(fracture_energy: f64, young: f64, bulk: f64, d
     }
 }
 
-/// Critical bond energy w_c [J/m⁶] in a continuum: the same for every bond.
+/// Critical bond energy w_c \[J/m⁶\] in a continuum: the same for every bond.
 pub fn continuum_critical_bond_energy(fracture_energy: f64, delta: f64, section: Section) -> f64 {
     let g = fracture_energy;
     match section {

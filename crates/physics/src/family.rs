@@ -10,7 +10,7 @@ use crate::tensor::{Linear, Vector};
 /// `R` is the number type of the displacements: `f64` or jets.
 #[derive(Clone, Copy)]
 pub struct Configuration<'a, R> {
-    /// Time [s].
+    /// Time \[s\].
     pub time: f64,
     /// Rows (x, y, z, V): reference position and volume V (length × area in 1D, area × thickness in 2D).
     pub coordinates: &'a [f64],

@@ -41,9 +41,9 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     }
     /// What the deformed family reduces to.
     fn state<S: Scalar>(&self, constants: &Self::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum>;
-    /// The force state `T⟨ξ⟩` [N/m⁶ in 3D].
+    /// The force state `T⟨ξ⟩` \[N/m⁶ in 3D\].
     fn force<S: Scalar>(&self, state: &Self::State<S>, b: Bond<S, D>) -> Vector<S, D>;
-    /// The energy density `W` [J/m³].
+    /// The energy density `W` \[J/m³\].
     fn energy_density<S: Scalar>(&self, constants: &Self::Constants, shape: &Self::Shape, h: Family<S, D>) -> S::Sum;
     /// Writes the history of an accepted increment: `point` holds [`MEMORY`](Self::MEMORY) words, `bonds[k]` word `k`
     /// of the family's slots, from its first one.

@@ -1,5 +1,5 @@
 //! Number types a model is evaluated over: `f64`, [`Jet`] (value and derivatives) and
-//! [`Lanes`](crate::lanes::Lanes) (eight bonds at a time).
+//! lanes ([`crate::lanes`], eight bonds at a time).
 //!
 //! A model is written once, over any [`Scalar`]. Evaluated with `f64` it gives forces, with jets exact tangents and the
 //! oracle of its own force state, with lanes the vector kernel of the hot loop.

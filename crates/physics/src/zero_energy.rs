@@ -1,7 +1,7 @@
 //! Zero-energy control: what resists the part of a deformation that the nonlocal deformation gradient does not see,
 //! `z⟨ξ⟩ = Y⟨ξ⟩ − F ξ`.
 //!
-//! Every control here has the energy density `½ ∫ ω z·A z dV′` with a symmetric tensor A [N/m⁷ in 3D],
+//! Every control here has the energy density `½ ∫ ω z·A z dV′` with a symmetric tensor A \[N/m⁷ in 3D\],
 //! and the force state `T = ω A z`: its exact derivative, because `∫ ω z ⊗ ξ dV′ = 0`.
 
 use crate::elasticity::{Section, Stiffness};

@@ -200,7 +200,7 @@ pub struct Modes {
 /// The `count` lowest modes of `K x = λ M x` over the free dofs, by subspace iteration with the factor of `K + σ M` (Bathe and Wilson
 /// 1972), which finds repeated eigenvalues with all their vectors.
 ///
-/// `shift` is `σ ≥ 0` `[1/time²]`: 0 for a supported body; for a free one a positive number well below the first non-zero `λ` wanted,
+/// `shift` is `σ ≥ 0` `\[1/time²\]`: 0 for a supported body; for a free one a positive number well below the first non-zero `λ` wanted,
 /// so that rigid motions, of `λ = 0`, do not make the matrix singular. `positions` as for
 /// [`SparseCholesky::analyze`]. Iterates until no wanted value changes by more than `tolerance` times itself plus `σ`.
 ///

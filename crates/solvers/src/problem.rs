@@ -36,7 +36,7 @@ pub trait Dynamics {
     /// Number of dofs: length of every vector below.
     fn dofs(&self) -> usize;
 
-    /// Lumped mass per dof `[mass]`, positive and finite at free dofs.
+    /// Lumped mass per dof `\[mass\]`, positive and finite at free dofs.
     fn mass(&self) -> &[f64];
 
     /// Which dofs have a prescribed displacement or velocity now. May change in [`accept`](Self::accept) only.

@@ -4,7 +4,7 @@
 //! `UnstructuredGrid` of vertex cells whose mesh is stored once and whose point data grows along
 //! the first axis. ParaView opens the file as a time series; `displacement` is a point vector, so
 //! the filter Warp By Vector shows the deformed body. h5py reads step `s` of a field as
-//! `file["VTKHDF/PointData/<name>"][s*n:(s+1)*n]` for `n` points.
+//! `file["VTKHDF/PointData/<name>"]\[s*n:(s+1)*n\]` for `n` points.
 //!
 //! HDF5 describes a growing dataset only when the file is closed. So each step opens the file,
 //! appends, and closes it again; between two steps the file is complete, whatever happens to

@@ -6,7 +6,7 @@ use crate::tensor::Matrix;
 /// Kelvin–Voigt: linear elasticity with a viscous stress in parallel.
 ///
 /// # Equations
-/// σ = C:(ε + τ ε̇ − α ΔT), P = σ, with the retardation time τ [s]. The energy is that of the spring.
+/// σ = C:(ε + τ ε̇ − α ΔT), P = σ, with the retardation time τ \[s\]. The energy is that of the spring.
 ///
 /// # Holds when
 /// strains are small. In statics the velocity is zero and the law is [`LinearElastic`](super::LinearElastic).
@@ -18,7 +18,7 @@ pub struct KelvinVoigt;
 pub struct KelvinVoigtConstants<const D: usize> {
     /// C.
     pub stiffness: Stiffness<D>,
-    /// τ [s].
+    /// τ \[s\].
     pub retardation_time: f64,
 }
 

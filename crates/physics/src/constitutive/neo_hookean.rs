@@ -22,7 +22,7 @@ pub struct NeoHookean;
 pub struct NeoHookeanConstants {
     /// E and ν at small strain.
     pub elastic: Isotropic,
-    /// α [1/K].
+    /// α \[1/K\].
     pub expansion: f64,
     /// The section.
     pub section: Section,

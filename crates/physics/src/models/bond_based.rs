@@ -23,7 +23,7 @@ use std::f64::consts::PI;
 /// Silling, J. Mech. Phys. Solids 48 (2000) 175–209; Silling & Askari, Comput. Struct. 83 (2005) 1526–1535.
 ///
 /// # Units
-/// c [N/m⁶], T [N/m⁶], W [J/m³], in 3D.
+/// c \[N/m⁶\], T \[N/m⁶\], W \[J/m³\], in 3D.
 ///
 /// # Holds when
 /// Poisson's ratio is 1/4 (3D and plane strain) or 1/3 (plane stress).
@@ -48,7 +48,7 @@ pub struct BondBased<G, I> {
 /// Constants of [`BondBased`].
 #[derive(Clone, Copy, Debug)]
 pub struct BondBasedConstants {
-    /// Young's modulus E [Pa].
+    /// Young's modulus E \[Pa\].
     pub young: f64,
     /// The section, which fixes Poisson's ratio.
     pub section: Section,
@@ -65,7 +65,7 @@ impl BondBasedConstants {
             Section::PlaneStrain { .. } | Section::Solid => Some(0.25),
         }
     }
-    /// c ∫ω|ξ|dV′ [Pa]: the micromodulus is this over the first moment of the family.
+    /// c ∫ω|ξ|dV′ (Pa): the micromodulus is this over the first moment of the family.
     pub fn modulus(&self) -> f64 {
         match self.section {
             Section::Bar { .. } => 2.0 * self.young,

@@ -19,11 +19,11 @@ pub const FLAT_FAMILY: f64 = 1e-6;
 /// with the tensor A of the zero-energy control.
 ///
 /// # Source
-/// Silling et al., J. Elasticity 88 (2007) 151–184, section 18; Roy Chowdhury et al. (2019), eq. [1]–[4]; Wan et al. (2019)
+/// Silling et al., J. Elasticity 88 (2007) 151–184, section 18; Roy Chowdhury et al. (2019), eqs. 1–4; Wan et al. (2019)
 /// for the control.
 ///
 /// # Units
-/// K [m⁵], P [Pa], T [N/m⁶], W [J/m³], in 3D.
+/// K \[m⁵\], P \[Pa\], T \[N/m⁶\], W \[J/m³\], in 3D.
 ///
 /// # Holds when
 /// the family has d independent bonds. Affine maps are exact for every family; F is second order in δ in the interior

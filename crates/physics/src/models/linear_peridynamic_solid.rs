@@ -21,7 +21,7 @@ use crate::tensor::{Matrix, Vector};
 /// Silling et al., J. Elasticity 88 (2007) 151–184, section 15; O'Grady (2014), eq. (3.7)–(3.8), 4.3.2 and 4.4 (2D).
 ///
 /// # Units
-/// m [m⁵], T [N/m⁶], W [J/m³], in 3D.
+/// m \[m⁵\], T \[N/m⁶\], W \[J/m³\], in 3D.
 ///
 /// # Holds when
 /// −1 < ν < 1/2.
@@ -46,9 +46,9 @@ pub struct LinearPeridynamicSolid<I> {
 /// Constants of [`LinearPeridynamicSolid`].
 #[derive(Clone, Copy, Debug)]
 pub struct LinearPeridynamicSolidConstants {
-    /// Bulk modulus k (3D) or area modulus of the section [Pa].
+    /// Bulk modulus k (3D) or area modulus of the section \[Pa\].
     pub bulk: f64,
-    /// Shear modulus G [Pa].
+    /// Shear modulus G \[Pa\].
     pub shear: f64,
     /// σ₃₃/(σ₁₁ + σ₂₂): ν in plane strain, else 0.
     pub out_of_plane: f64,

@@ -1,0 +1,243 @@
+//! A body as a whole: forces, tangents and energies are derivatives of one another through chunks, halos and mirror images; threads do
+//! not matter; breaking and going back.
+
+use bodies::body::{Body, Geometry, StiffnessScratch};
+use bodies::chunk::Link;
+use bodies::damage::{Criterion, DamageState};
+use bodies::neighbors::{Mirror, neighbors_with_mirrors};
+use bodies::part::{Assigned, Constants, Part};
+use physics::constitutive::SaintVenantKirchhoff;
+use physics::elasticity::{Isotropic, Section, Stiffness};
+use physics::influence::One;
+use physics::models::{Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
+use physics::zero_energy;
+
+const ELASTIC: Isotropic = Isotropic { young: 3.0, poisson: 0.3 };
+const SECTION: Section = Section::PlaneStrain { thickness: 1.0 };
+
+/// A lattice of unit spacing over the given columns and rows.
+fn lattice(columns: std::ops::Range<i32>, rows: std::ops::Range<i32>) -> Vec<[f64; 3]> {
+    rows.flat_map(|j| columns.clone().map(move |i| [i as f64 + 0.5, j as f64 + 0.5, 0.0])).collect()
+}
+
+fn body(position: &[[f64; 3]], horizon: f64, mirrors: &[Mirror], correspondence: bool) -> Body<2> {
+    let n = position.len();
+    let (volume, horizons, spacing) = (vec![1.0; n], vec![horizon; n], vec![1.0; n]);
+    let found = neighbors_with_mirrors(position, 2, &spacing, &horizons, mirrors).unwrap();
+    let g = Geometry { position, volume: &volume, horizon: &horizons };
+    let mut body = Body::<2>::new(&g, false, |p, out: &mut Vec<Link>| {
+        out.extend(found.bonds_of(p).map(|b| Link {
+            point: found.index[b],
+            flips: found.flips_of(b),
+            end: found.end(position, p, b),
+            weight: 1.0,
+        }));
+    });
+    let points: Vec<u32> = (0..n as u32).collect();
+    let part: Box<dyn Part<2>> = if correspondence {
+        let model = Correspondence { law: SaintVenantKirchhoff, control: zero_energy::Isotropic::Wan2019, omega: One };
+        Box::new(Assigned::new("c", model, Constants::Uniform(Stiffness::isotropic(ELASTIC, 0.0, SECTION)), &points, body.chunks()))
+    } else {
+        let constants = LinearPeridynamicSolidConstants::new(ELASTIC, SECTION);
+        Box::new(Assigned::new("l", LinearPeridynamicSolid { omega: One }, Constants::Uniform(constants), &points, body.chunks()))
+    };
+    body.assign(vec![part]).unwrap();
+    body
+}
+
+/// Smooth and rough at once, of moderate size.
+fn motion(position: &[[f64; 3]]) -> Vec<f64> {
+    position
+        .iter()
+        .enumerate()
+        .flat_map(|(p, x)| [0.03 * x[0] * (0.2 * x[1]).sin(), 0.02 * x[1] + 0.01 * ((p * 7919 % 101) as f64 / 101.0)])
+        .collect()
+}
+
+fn largest(x: &[f64]) -> f64 {
+    assert!(x.iter().all(|x| x.is_finite()));
+    x.iter().fold(0.0, |m, x| m.max(x.abs()))
+}
+
+#[test]
+fn the_body_has_several_chunks() {
+    let position = lattice(0..70, 0..40);
+    assert!(body(&position, 3.015, &[], false).chunk_count() > 4, "the tests below must cross chunks");
+}
+
+#[test]
+fn force_is_the_derivative_of_energy_and_tangent_that_of_force() {
+    let position = lattice(0..70, 0..40);
+    for correspondence in [false, true] {
+        for mirrors in [vec![], vec![Mirror { axis: 0, at: 0.0 }, Mirror { axis: 1, at: 0.0 }]] {
+            let mut b = body(&position, 3.015, &mirrors, correspondence);
+            let u = motion(&position);
+            let direction: Vec<f64> = (0..u.len()).map(|q| ((q * 31 % 17) as f64 - 8.0) / 8.0).collect();
+            let at = |h: f64| -> Vec<f64> { u.iter().zip(&direction).map(|(u, d)| u + h * d).collect() };
+            let (mut f, mut plus, mut minus, mut k) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![0.0; u.len()], vec![0.0; u.len()]);
+            b.internal_force(&u, None, &mut f);
+            let h = 1e-5;
+            let slope = (b.energy(&at(h)) - b.energy(&at(-h))) / (2.0 * h);
+            let power: f64 = -f.iter().zip(&direction).map(|(f, d)| f * d).sum::<f64>();
+            // the accuracy of the difference quotient; jets are exact (physics/tests/contract.rs)
+            assert!((slope - power).abs() <= 1e-7 * power.abs(), "{correspondence}: {slope} {power}");
+            b.internal_force(&at(h), None, &mut plus);
+            b.internal_force(&at(-h), None, &mut minus);
+            b.tangent_product(&u, None, &direction, &mut k);
+            let worst = (0..u.len()).map(|q| (k[q] + (plus[q] - minus[q]) / (2.0 * h)).abs()).fold(0.0, f64::max);
+            assert!(worst <= 1e-8 * largest(&k), "{correspondence}: {worst}");
+        }
+    }
+}
+
+#[test]
+fn assembled_families_are_the_tangent() {
+    let position = lattice(0..30, 0..20);
+    for mirrors in [vec![], vec![Mirror { axis: 0, at: 0.0 }]] {
+        let mut b = body(&position, 2.015, &mirrors, true);
+        let u = motion(&position);
+        let x: Vec<f64> = (0..u.len()).map(|q| ((q * 13 % 23) as f64 - 11.0) / 11.0).collect();
+        let mut want = vec![0.0; u.len()];
+        b.tangent_product(&u, None, &x, &mut want);
+        let (starts, members) = b.couplings();
+        b.forward(&u, None);
+        let mut got = vec![0.0; u.len()];
+        let mut scratch = StiffnessScratch::default();
+        let mut asymmetry = 0.0f64;
+        for p in 0..position.len() {
+            let m = &members[starts[p]..starts[p + 1]];
+            let n = m.len() * 2;
+            let mut dense = vec![0.0; n * n];
+            b.family_stiffness(&mut scratch, p, &mut dense);
+            for r in 0..n {
+                for c in 0..n {
+                    asymmetry = asymmetry.max((dense[r * n + c] - dense[c * n + r]).abs());
+                    got[m[r / 2] as usize * 2 + r % 2] += dense[r * n + c] * x[m[c / 2] as usize * 2 + c % 2];
+                }
+            }
+        }
+        let scale = largest(&want);
+        assert!(asymmetry <= 1e-13 * scale, "{asymmetry}");
+        let worst = want.iter().zip(&got).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst <= 1e-12 * scale, "{worst}");
+        let mut blocks = vec![0.0; u.len() * 2];
+        b.block_diagonal(&u, &mut blocks);
+        // the diagonal by tangent products with unit vectors
+        for q in [0, 77, 400] {
+            let mut e = vec![0.0; u.len()];
+            e[q] = 1.0;
+            b.tangent_product(&u, None, &e, &mut got);
+            assert!((got[q] - blocks[q / 2 * 4 + q % 2 * 3]).abs() <= 1e-12 * scale);
+        }
+    }
+}
+
+#[test]
+fn a_quarter_with_mirrors_is_the_whole() {
+    let (columns, rows) = (12, 9);
+    let whole = lattice(-columns..columns, -rows..rows);
+    let quarter = lattice(0..columns, 0..rows);
+    let displacement = |x: &[f64; 3]| {
+        // odd normal to the planes, even along them
+        [0.01 * x[0] * (1.0 + 0.1 * x[1].abs()), -0.004 * x[1] * (1.0 + 0.05 * x[0].abs())]
+    };
+    let u = |p: &[[f64; 3]]| -> Vec<f64> { p.iter().flat_map(displacement).collect() };
+    for correspondence in [false, true] {
+        let mut a = body(&whole, 3.015, &[], correspondence);
+        let mut b = body(&quarter, 3.015, &[Mirror { axis: 0, at: 0.0 }, Mirror { axis: 1, at: 0.0 }], correspondence);
+        let (mut fa, mut fb) = (vec![0.0; whole.len() * 2], vec![0.0; quarter.len() * 2]);
+        a.internal_force(&u(&whole), None, &mut fa);
+        b.internal_force(&u(&quarter), None, &mut fb);
+        for (q, x) in quarter.iter().enumerate() {
+            let p = whole.iter().position(|w| w == x).unwrap();
+            for k in 0..2 {
+                assert!((fa[p * 2 + k] - fb[q * 2 + k]).abs() <= 1e-13 * largest(&fa));
+            }
+        }
+        let (ea, eb) = (a.energy(&u(&whole)), b.energy(&u(&quarter)));
+        assert!((ea - 4.0 * eb).abs() <= 1e-13 * ea);
+    }
+}
+
+#[test]
+fn one_thread_and_three_give_the_same_bits() {
+    let position = lattice(0..70, 0..40);
+    let u = motion(&position);
+    let run = |threads: usize| {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+            let mut b = body(&position, 3.015, &[], true);
+            let mut f = vec![0.0; u.len()];
+            b.internal_force(&u, None, &mut f);
+            (f, b.energy(&u))
+        })
+    };
+    assert_eq!(run(1), run(3));
+}
+
+#[test]
+fn broken_bonds_leave_both_ends_and_come_back() {
+    let position = lattice(0..30, 0..20);
+    for correspondence in [false, true] {
+        let mut b = body(&position, 3.015, &[], correspondence);
+        let u = motion(&position);
+        let mut saved = DamageState::default();
+        b.save_damage(&mut saved);
+        let mut before = vec![0.0; u.len()];
+        b.internal_force(&u, None, &mut before);
+        // a cut between columns 14 and 15, over the whole height
+        let broken = b.cut(|x, y| (x[0] - 15.0) * (y[0] - 15.0) < 0.0);
+        // per row and distance: Σ over lattice bonds (a, b) with a > 0 of a, both directions, less those that leave the body
+        assert!(broken.bonds > 0 && broken.bonds.is_multiple_of(2));
+        assert_eq!(b.intact_bonds() + broken.bonds, b.bonds());
+        // the halves move apart without force between them
+        let apart: Vec<f64> = position.iter().flat_map(|x| [if x[0] > 15.0 { 7.0 } else { 0.0 }, 0.0]).collect();
+        let mut f = vec![0.0; u.len()];
+        b.internal_force(&apart, None, &mut f);
+        assert_eq!(largest(&f), 0.0);
+        assert_eq!(b.energy(&apart), 0.0);
+        let damage = b.damage();
+        assert!(damage[14] > 0.3 && damage[0] == 0.0);
+        // momenta with broken families
+        b.internal_force(&u, None, &mut f);
+        for k in 0..2 {
+            let sum: f64 = f.iter().skip(k).step_by(2).sum();
+            assert!(sum.abs() <= 1e-12 * largest(&f));
+        }
+        b.restore_damage(&saved);
+        b.internal_force(&u, None, &mut f);
+        assert_eq!(f, before);
+    }
+}
+
+#[test]
+fn a_point_whose_family_becomes_flat_is_released() {
+    let position = lattice(0..12, 0..12);
+    let mut b = body(&position, 1.5, &[], true);
+    // leave the corner point its bond to the right only: one direction, so K is singular
+    let corner = [0.5, 0.5, 0.0];
+    let broken = b.cut(|x, y| (x == corner && y[1] > 1.0) || (y == corner && x[1] > 1.0));
+    assert_eq!(broken.released, 1);
+    assert_eq!(b.family_size()[0], 0);
+    // the others keep theirs
+    assert!(b.family_size().iter().skip(1).all(|&n| n >= 2));
+}
+
+#[test]
+fn exceeding_bonds_are_found_by_stretch_and_by_energy() {
+    let position = lattice(0..30, 0..20);
+    let mut b = body(&position, 3.015, &[], false);
+    // uniform stretch along x: a bond at angle φ stretches by s cos²φ (to first order in s)
+    let s = 1e-6;
+    let u: Vec<f64> = position.iter().flat_map(|x| [s * x[0], 0.0]).collect();
+    let found = b.exceeding(&u, None, &Criterion::CriticalStretch(vec![0.85 * s; position.len()]));
+    // cos²φ > 0.85: (±1, 0), (±2, 0), (±3, 0) of a full family; (±2, ±1) has 0.8 and (±3, ±1) lies outside the horizon
+    let interior = |p: usize| position[p][0] > 4.0 && position[p][0] < 26.0 && position[p][1] > 4.0 && position[p][1] < 16.0;
+    let p = (0..position.len()).find(|&p| interior(p)).unwrap();
+    assert_eq!(found.iter().filter(|f| b.ends(f.0).0 == p).count(), 6);
+    // energy: the bonds that reach farthest carry most; both directions of a pair agree
+    let found = b.exceeding(&u, None, &Criterion::CriticalBondEnergy(vec![1e-30; position.len()]));
+    let worst = found.iter().filter(|f| interior(b.ends(f.0).0)).max_by(|x, y| x.1.total_cmp(&y.1)).unwrap();
+    let (i, j) = b.ends(worst.0);
+    assert_eq!((position[i][0] - position[j][0]).abs(), 3.0);
+    assert_eq!(position[i][1], position[j][1]);
+}
