@@ -60,7 +60,7 @@ fn the_starter_is_a_sound_deck() {
 
 #[test]
 fn the_committed_schema_is_current() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("deck.schema.json");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../deck.schema.json");
     if std::env::var_os("PERIDYNE_WRITE_SCHEMA").is_some() {
         std::fs::write(&path, schema()).unwrap();
     }
