@@ -6,7 +6,7 @@
 
 use crate::chunk::{Chunk, Link};
 use crate::part::{Part, SEEDS};
-use physics::scalar::{Dual, Jet, ROW, Scalar};
+use physics::scalar::{Dual, Jet, ROW, SPARE_WORD, Scalar};
 use physics::tensor::Matrix;
 use rayon::prelude::*;
 
@@ -141,7 +141,22 @@ impl<const D: usize> Body<D> {
             singular.extend(part.make_shapes(&self.chunks).into_iter().map(|(k, i)| self.chunks[k].first + i));
         }
         singular.sort_unstable();
-        if singular.is_empty() { Ok(()) } else { Err(singular) }
+        if !singular.is_empty() {
+            return Err(singular);
+        }
+        if let [part] = self.parts.as_slice()
+            && part.gathers()
+        {
+            let words = self.per_point(0.0, |k, c, out| {
+                (0..c.owned).for_each(|i| out[i] = part.state_word(k, i, &c.configuration()));
+            });
+            for c in &mut self.chunks {
+                for (l, &p) in c.points.iter().enumerate() {
+                    c.displacement[l * ROW + SPARE_WORD] = words[p as usize];
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Sets time, and the temperature change of every point (sorted order) where there is one.

@@ -1,6 +1,6 @@
 //! Families and bonds as a model sees them: views into the flat arrays of one part of a body.
 
-use crate::scalar::{ROW, Scalar, VOLUME_WORD, is_intact};
+use crate::scalar::{ROW, SPARE_WORD, Scalar, VOLUME_WORD, is_intact};
 use crate::tensor::{Linear, Vector};
 
 /// The arrays behind a set of families. Points are numbered locally; the first ones own families, the rest (the halo)
@@ -14,7 +14,7 @@ pub struct Configuration<'a, R> {
     pub time: f64,
     /// Rows (x, y, z, V): reference position and volume V (length × area in 1D, area × thickness in 2D).
     pub coordinates: &'a [f64],
-    /// Rows (u, v, w, –): displacements.
+    /// Rows (u, v, w, s): displacements, and a spare word that pairwise models keep the state of the point in.
     pub displacement: &'a [R],
     /// Rows (u̇, v̇, ẇ, –), or empty: velocities.
     pub velocity: &'a [f64],
@@ -266,6 +266,11 @@ impl<'a, S: Scalar, const D: usize> Bond<'a, S, D> {
     #[inline(always)]
     pub fn near_volume(self) -> S {
         S::of(self.arrays.coordinates[self.point * ROW + VOLUME_WORD]).masked(self.arrays.intact, self.slot)
+    }
+    /// The word of the far point's displacement row that holds no displacement: see [`Configuration::displacement`].
+    #[inline(always)]
+    pub fn far_word(self) -> S {
+        S::row(self.arrays.displacement, self.far)[SPARE_WORD]
     }
     /// Committed history word `k` of the bond.
     #[inline(always)]

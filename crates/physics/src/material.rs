@@ -23,6 +23,10 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     const RATE: bool = false;
     /// Whether the force state is the derivative of the energy density (at rest, at fixed history and temperature).
     const CONSERVATIVE: bool = true;
+    /// Whether the force state lies along the bond, is linear in a state of one word that is fixed with the reference family, and equal and
+    /// opposite at both ends but for that word. Then a point needs no more than its neighbours' words to sum both halves of each
+    /// pair by itself: no force is written to a neighbour.
+    const PAIRWISE: bool = false;
     /// Whether the influence is stored with the bonds.
     const STORED_INFLUENCE: bool;
 

@@ -13,6 +13,9 @@ pub const ROW: usize = 4;
 /// The word of a coordinate row that holds the point's volume.
 pub const VOLUME_WORD: usize = 3;
 
+/// The word of a displacement row that holds no displacement.
+pub const SPARE_WORD: usize = 3;
+
 /// Builds an array from a function of the index; unlike `std::array::from_fn` certain to be inlined.
 #[inline(always)]
 pub fn array<T: Copy, const N: usize>(mut f: impl FnMut(usize) -> T) -> [T; N] {

@@ -86,6 +86,7 @@ impl BondBasedConstants {
 
 impl<G: StretchLaw, I: Influence, const D: usize> Material<D> for BondBased<G, I> {
     const BOND_MEMORY: usize = G::BOND_MEMORY;
+    const PAIRWISE: bool = true;
     const STORED_INFLUENCE: bool = I::STORED;
     type Constants = BondBasedConstants;
     /// c
