@@ -78,6 +78,9 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
     let mut recorder = Recorder::new(&problem, &*model, target)?;
     let (mut u, v) = initial_state(&problem);
     let mut constants: Vec<Constant> = derived.into_iter().map(|(name, value, unit)| Constant { name, value, unit: unit.into() }).collect();
+    // the balance of energy counts from the state before the first step
+    let start = model.balance(0.0, &u, &v);
+    recorder.initial_energy = Some(start.kinetic + start.strain + start.contact);
     let solving = Instant::now();
     let mut solver_time = 0.0;
     let (exit, steps) = match &problem.deck.solver {
@@ -444,7 +447,7 @@ impl<'a> Recorder<'a> {
     fn scalars(&mut self, model: &mut dyn Simulated, step: usize, t: f64, u: &[f64], v: &[f64]) -> Vec<f64> {
         let b = model.balance(t, u, v);
         let total = b.kinetic + b.strain + b.contact;
-        let initial = *self.initial_energy.get_or_insert(total);
+        let initial = self.initial_energy.unwrap_or(total);
         let (damage, broken) = model.damage();
         let mut row = vec![
             t,
