@@ -14,7 +14,8 @@ pub enum FieldName {
     DeformationGradient,
     /// Green–Lagrange strain of the nonlocal F.
     Strain,
-    /// Cauchy stress σ = P Fᵀ/J \[Pa\], P = ∫ T ⊗ ξ dV′.
+    /// Cauchy stress σ = P Fᵀ/J, with J of the dimensions of the body (in plane stress and in a bar per reference thickness or
+    /// section: their change is not known to every model) \[Pa\], P = ∫ T ⊗ ξ dV′.
     Stress,
     /// Von Mises stress \[Pa\].
     VonMises,

@@ -319,12 +319,13 @@ fn verify_decks(paths: &[PathBuf], json: Option<&Path>, slow: bool) -> u8 {
         }
     };
     let mut report = verify::Report { results: vec![] };
-    let mut status = 0;
+    let (mut status, mut faulty) = (0, 0);
     for path in &decks {
         let runs = match Deck::runs(path) {
             Ok(runs) => runs,
             Err(e) => {
                 status = status.max(show(&e));
+                faulty += 1;
                 continue;
             }
         };
@@ -335,7 +336,10 @@ fn verify_decks(paths: &[PathBuf], json: Option<&Path>, slow: bool) -> u8 {
             let only = (r.name != crate::deck::DEFAULT_RUN).then_some(r.name.as_str());
             let clock = std::time::Instant::now();
             match verify::verify(path, &r.name, only, &mut Quiet, &CANCEL) {
-                Err(e) => status = status.max(show(&e)),
+                Err(e) => {
+                    status = status.max(show(&e));
+                    faulty += 1;
+                }
                 Ok(verdicts) if verdicts.is_empty() => {}
                 Ok(verdicts) => {
                     println!("{} [{}] {:.1} s", path.display(), r.name, clock.elapsed().as_secs_f64());
@@ -348,7 +352,10 @@ fn verify_decks(paths: &[PathBuf], json: Option<&Path>, slow: bool) -> u8 {
         }
     }
     let failed = report.results.iter().filter(|v| !v.passed).count();
-    println!("{} passed, {failed} failed", report.results.len() - failed);
+    if faulty > 0 {
+        println!("{faulty} runs have faults in their deck and were not made");
+    }
+    println!("{} passed, {} failed", report.results.len() - failed, failed + faulty);
     if let Some(path) = json {
         let written = crate::output::write_whole(path, |file| -> std::io::Result<()> {
             serde_json::to_writer_pretty(&mut *file, &report).map_err(std::io::Error::other)?;

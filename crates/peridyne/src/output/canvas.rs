@@ -331,6 +331,8 @@ const MOST_DASHES: usize = 100_000;
 
 /// Cuts a polyline into dashes that run on around its corners.
 fn dashes(points: &[[f64; 2]], [dash, gap]: [f64; 2]) -> Vec<[[f64; 2]; 2]> {
+    // a curve of many points gives a piece for each, dashes apart
+    let most = MOST_DASHES + points.len();
     let mut pieces = Vec::new();
     let mut drawing = true;
     let mut left = dash;
@@ -345,7 +347,7 @@ fn dashes(points: &[[f64; 2]], [dash, gap]: [f64; 2]) -> Vec<[[f64; 2]; 2]> {
             [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]
         };
         let mut s = 0.0;
-        while s < length && pieces.len() < MOST_DASHES {
+        while s < length && pieces.len() < most {
             let end = (s + left).min(length);
             if drawing {
                 pieces.push([at(s), at(end)]);
