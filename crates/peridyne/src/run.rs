@@ -229,6 +229,8 @@ fn statics(
 ) -> (Exit, usize) {
     let mut last = (program.start, 0);
     let rest = vec![0.0; u.len()];
+    // the unloaded body is the first frame
+    recorder.frame(model, 0, program.start, u, &rest);
     let result = {
         let mut observer = |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], _: &[f64]| {
             last = (report.time, report.step);
