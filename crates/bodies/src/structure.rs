@@ -76,7 +76,9 @@ pub struct Structure<const D: usize> {
     statics: bool,
     time: f64,
     has_time: bool,
-    force_scale: f64,
+    /// Norm of the balanced forces at the last evaluation, and the largest at accepted states. Trial states do not count: with supports
+    /// moved alone their forces are far too large, and residuals would look small beside them.
+    force_scale: (f64, f64),
     pattern: Option<(Arc<BlockPattern>, FamilyList)>,
     saved: DamageState,
     saved_work: Option<Work>,
@@ -148,7 +150,7 @@ impl<const D: usize> Structure<D> {
             statics: false,
             time: 0.0,
             has_time: false,
-            force_scale: 0.0,
+            force_scale: (0.0, 0.0),
             pattern: None,
             saved: DamageState::default(),
             saved_work: None,
@@ -307,7 +309,7 @@ impl<const D: usize> Structure<D> {
         work.force = driving;
     }
 
-    /// Breaks what exceeds its threshold; `batch` 0 breaks all.
+    /// Breaks what exceeds its threshold: everything, or what comes close to the worst (see [`Failure::batch`]).
     fn break_exceeding(&mut self, u: &[f64], v: Option<&[f64]>, all: bool) -> Broken {
         let mut total = Broken::default();
         let mut found = vec![];
@@ -476,7 +478,7 @@ impl<const D: usize> Statics for Structure<D> {
         let applied = self.total_force(t, u, None, f);
         self.check(t, u, f)?;
         let reaction = self.prescribed.iter().map(|&(q, _)| f[q as usize] * f[q as usize]).sum::<f64>().sqrt();
-        self.force_scale = self.force_scale.max(applied).max(reaction);
+        self.force_scale.0 = applied.max(reaction);
         Ok(())
     }
     fn energy(&mut self, t: f64, u: &[f64]) -> Option<f64> {
@@ -538,7 +540,7 @@ impl<const D: usize> Statics for Structure<D> {
         Ok(())
     }
     fn force_scale(&self) -> f64 {
-        self.force_scale
+        self.force_scale.0.max(self.force_scale.1)
     }
     fn break_bonds(&mut self, t: f64, u: &[f64]) -> Result<usize, Stop> {
         if self.work_open {
@@ -564,6 +566,7 @@ impl<const D: usize> Statics for Structure<D> {
         self.add_work(t, u, &f);
         self.scratch = f;
         self.work_open = true;
+        self.force_scale.1 = self.force_scale.1.max(self.force_scale.0);
         self.body.commit(u, None);
         Ok(())
     }

@@ -176,10 +176,11 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
         constants.push(Constant { name: "largest damage".into(), value: damage, unit: String::new() });
     }
     let mut all_warnings = warnings;
+    all_warnings.append(&mut result.warnings);
     if model.held_points() > 0 {
         all_warnings.push(format!("{} points of fragments that nothing holds were kept where they are", model.held_points()));
     }
-    let mut summary = Summary {
+    let summary = Summary {
         version: env!("CARGO_PKG_VERSION").into(),
         deck: serde_json::to_string(&problem.deck.resolved()).unwrap_or_default(),
         sizes: Sizes {
@@ -209,7 +210,6 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
     if let Target::Folder(folder) = target {
         summary.write(&folder.join("summary.json"))?;
     }
-    summary.warnings.append(&mut result.warnings);
     let completed = matches!(exit, Exit::Completed { .. });
     Ok(Outcome { summary, measurements: result.measurements, completed })
 }
