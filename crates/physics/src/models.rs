@@ -2,8 +2,10 @@
 
 mod bond_based;
 mod correspondence;
+mod extended_correspondence;
 mod linear_peridynamic_solid;
 
 pub use bond_based::{BondBased, BondBasedConstants};
 pub use correspondence::{Correspondence, FLAT_FAMILY};
+pub use extended_correspondence::{BondStrainCalibration, ExponentError, ExtendedCorrespondence, MAX_EXPONENT, SethHill};
 pub use linear_peridynamic_solid::{LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
