@@ -72,6 +72,12 @@ pub(crate) trait InstructionSet: Copy + Send + Sync + 'static {
     fn mask(a: Eight, bits: u8) -> Eight {
         array(|l| if bits >> l & 1 == 1 { a[l] } else { 0.0 })
     }
+    /// A long computation: a function of its own where the instructions are the machine's common ones, in place where only the caller has
+    /// the right ones.
+    #[inline(never)]
+    fn long(f: impl FnOnce() -> Eight) -> Eight {
+        f()
+    }
     /// Mantissa in [1, 2) and exponent; (1, −∞) for 0, (1, ∞) for ∞, not a number where negative.
     #[inline(always)]
     fn split(a: Eight) -> (Eight, Eight) {
@@ -246,6 +252,17 @@ impl<I: InstructionSet> Lanes<I> {
         let tail = s.fma(half + z * z.polynomial(LOG), k.fma(Self::of(LN_2[1]), c));
         k * LN_2[0] - ((half - tail) - f)
     }
+    /// ln(1 + x)
+    #[inline(always)]
+    fn log_1p(self) -> Self {
+        let u = self + Self::of(1.0);
+        // what the sum lost, whichever of the two is larger
+        let lost = (self - Self::of(1.0)).select(Self::of(1.0) - (u - self), self - (u - Self::of(1.0)));
+        // ln 0 and ln ∞ need no correction, and 0/0 would be none
+        let usual = (u - Self::of(f64::MIN_POSITIVE)).min(Self::of(f64::MAX) - u);
+        let c = usual.select(lost, Self::of(0.0)) * usual.select(u, Self::of(1.0)).recip();
+        u.log(c)
+    }
     /// (eʳ − 1, n) with x = r + n ln 2, |r| ≤ ln(2)/2; x is held between −800 and 710, where e^x has left the range of numbers.
     #[inline(always)]
     fn reduced_exponential(self) -> (Self, Self) {
@@ -312,29 +329,39 @@ impl<I: InstructionSet> Scalar for Lanes<I> {
     }
     #[inline(always)]
     fn ln(self) -> Self {
-        self.log(Self::of(0.0))
+        Self::new(I::long(
+            #[inline(always)]
+            || self.log(Self::of(0.0)).0,
+        ))
     }
     #[inline(always)]
     fn ln_1p(self) -> Self {
-        let u = self + Self::of(1.0);
-        // what the sum lost, whichever of the two is larger
-        let lost = (self - Self::of(1.0)).select(Self::of(1.0) - (u - self), self - (u - Self::of(1.0)));
-        // ln 0 and ln ∞ need no correction, and 0/0 would be none
-        let usual = (u - Self::of(f64::MIN_POSITIVE)).min(Self::of(f64::MAX) - u);
-        let c = usual.select(lost, Self::of(0.0)) * usual.select(u, Self::of(1.0)).recip();
-        u.log(c)
+        Self::new(I::long(
+            #[inline(always)]
+            || self.log_1p().0,
+        ))
     }
     #[inline(always)]
     fn exp(self) -> Self {
-        let (q, n) = self.reduced_exponential();
-        Self::new(I::scale((q + Self::of(1.0)).0, n.0))
+        Self::new(I::long(
+            #[inline(always)]
+            || {
+                let (q, n) = self.reduced_exponential();
+                I::scale((q + Self::of(1.0)).0, n.0)
+            },
+        ))
     }
     #[inline(always)]
     fn exp_m1(self) -> Self {
-        let (q, n) = self.reduced_exponential();
-        // 2ⁿ q + (2ⁿ − 1), by halves: 2¹⁰²⁴ is no number
-        let n = n - Self::of(1.0);
-        (Self::new(I::scale(q.0, n.0)) + (Self::new(I::scale(I::splat(1.0), n.0)) - Self::of(0.5))) * 2.0
+        Self::new(I::long(
+            #[inline(always)]
+            || {
+                let (q, n) = self.reduced_exponential();
+                // 2ⁿ q + (2ⁿ − 1), by halves: 2¹⁰²⁴ is no number
+                let n = n - Self::of(1.0);
+                ((Self::new(I::scale(q.0, n.0)) + (Self::new(I::scale(I::splat(1.0), n.0)) - Self::of(0.5))) * 2.0).0
+            },
+        ))
     }
     #[inline(always)]
     fn powf(self, p: f64) -> Self {

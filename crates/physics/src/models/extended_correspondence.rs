@@ -156,30 +156,29 @@ impl SethHill {
     /// ε₍ₘ₎ of a bond with c = 1 + x: keeps the digits of a small x, and is exactly 0 where x is.
     #[inline(always)]
     pub fn strain<S: Scalar>(self, x: S) -> S {
-        let one = S::of(1.0);
+        self.strain_of(x, x + S::of(1.0))
+    }
+    /// The same where c is known too, with digits of its own near 0.
+    #[inline(always)]
+    fn strain_of<S: Scalar>(self, x: S, c: S) -> S {
         match self.kind {
             Kind::Two => x * (x + S::of(2.0)) * 0.25,
             Kind::One => x * 0.5,
-            // √c − 1 = x/(√c + 1)
-            Kind::Half => x * ((x + one).sqrt() + one).recip(),
-            Kind::Zero => x.ln_1p() * 0.5,
+            Kind::Half => stretch(x, c),
+            Kind::Zero => stretch(x, c).ln_1p(),
             // 1 − 1/√c = x/(c + √c)
-            Kind::MinusHalf => {
-                let c = x + one;
-                x * (c + c.sqrt()).recip()
-            }
-            Kind::MinusOne => x * (x + one).recip() * 0.5,
+            Kind::MinusHalf => x * (c + c.sqrt()).recip(),
+            Kind::MinusOne => x * c.recip() * 0.5,
             Kind::MinusTwo => {
-                let r = (x + one).recip();
+                let r = c.recip();
                 x * (x + S::of(2.0)) * 0.25 * (r * r)
             }
-            Kind::Real => (x.ln_1p() * self.m).exp_m1() * (0.5 / self.m),
+            Kind::Real => (stretch(x, c).ln_1p() * (2.0 * self.m)).exp_m1() * (0.5 / self.m),
         }
     }
     /// c^(m − 1) = 2 dε/dc
     #[inline(always)]
-    fn slope<S: Scalar>(self, x: S) -> S {
-        let c = x + S::of(1.0);
+    fn slope<S: Scalar>(self, x: S, c: S) -> S {
         match self.kind {
             Kind::Two => c,
             Kind::One => S::of(1.0),
@@ -194,9 +193,15 @@ impl SethHill {
                 let r = c.recip();
                 r * r * r
             }
-            Kind::Real => (x.ln_1p() * (self.m - 1.0)).exp(),
+            Kind::Real => (stretch(x, c).ln_1p() * (2.0 * self.m - 2.0)).exp(),
         }
     }
+}
+
+/// √c − 1 = x/(√c + 1) with x = c − 1: the stretch of a bond, that of a small strain and of a bond close to collapse alike.
+#[inline(always)]
+fn stretch<S: Scalar>(x: S, c: S) -> S {
+    x * (c.sqrt() + S::of(1.0)).recip()
 }
 
 /// A symmetric linear map of strains, in the components of Mandel, rows of its upper triangle one after the other.
@@ -250,11 +255,11 @@ struct Strained<R, const D: usize> {
     strain: Symmetric<R, D>,
 }
 
-/// 1/|ξ|² and c − 1 = (2ξ·η + η·η)/|ξ|² of a bond.
+/// 1/|ξ|², c − 1 = (2ξ·η + η·η)/|ξ|² and c of a bond.
 #[inline(always)]
-fn growth<S: Scalar, const D: usize>(xi: Vector<S, D>, eta: Vector<S, D>) -> (S, S) {
-    let inverse = xi.dot(xi).recip();
-    (inverse, eta.dot(xi * S::of(2.0) + eta) * inverse)
+fn growth<S: Scalar, const D: usize>(xi: Vector<S, D>, eta: Vector<S, D>) -> (S, S, S) {
+    let (inverse, y) = (xi.dot(xi).recip(), xi + eta);
+    (inverse, eta.dot(xi + y) * inverse, y.dot(y) * inverse)
 }
 
 impl<L, I: Influence> ExtendedCorrespondence<L, I> {
@@ -265,8 +270,8 @@ impl<L, I: Influence> ExtendedCorrespondence<L, I> {
                 #[inline(always)]
                 |b| {
                     let xi = b.xi();
-                    let (inverse, x) = growth(xi, b.eta());
-                    let weight = self.omega.at(b) * self.exponent.strain(x) * inverse;
+                    let (inverse, x, c) = growth(xi, b.eta());
+                    let weight = self.omega.at(b) * self.exponent.strain_of(x, c) * inverse;
                     Symmetric::square(xi).zip(Symmetric([weight; 6]), |a, w| a * w)
                 },
             )
@@ -351,12 +356,12 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
     #[inline(always)]
     fn force<S: Scalar>(&self, (q, s): &Self::State<S>, b: Bond<S, D>) -> Vector<S, D> {
         let (xi, eta) = (b.xi(), b.eta());
-        let (inverse, x) = growth(xi, eta);
+        let (inverse, x, c) = growth(xi, eta);
         let mut along = q.dot(Symmetric::square(xi)) * inverse;
         if self.control > 0.0 {
-            along = s.fma(self.exponent.strain(x), along);
+            along = s.fma(self.exponent.strain_of(x, c), along);
         }
-        (xi + eta) * (self.omega.at(b) * along * inverse * self.exponent.slope(x))
+        (xi + eta) * (self.omega.at(b) * along * inverse * self.exponent.slope(x, c))
     }
     #[inline(always)]
     fn energy_density<S: Scalar>(&self, c: &L::Constants, shape: &BondStrainShape, h: Family<S, D>) -> S::Sum {
@@ -372,8 +377,8 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
                 #[inline(always)]
                 |b| {
                     let xi = b.xi();
-                    let (inverse, x) = growth(xi, b.eta());
-                    let r = self.exponent.strain(x) - uniform.dot(Symmetric::square(xi)) * inverse;
+                    let (inverse, x, c) = growth(xi, b.eta());
+                    let r = self.exponent.strain_of(x, c) - uniform.dot(Symmetric::square(xi)) * inverse;
                     self.omega.at(b) * r * r
                 },
             );

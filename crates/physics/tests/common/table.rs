@@ -1,12 +1,17 @@
 //! The one table of models, laws, controls, sections and influences that every test of the contract asks.
 
-use super::any::{AnyConstants as Any, AnyLaw, AnyStretchLaw as Stretch};
+use super::any::{AnyConstants as Any, AnyLaw, AnyStrainConstants as AnyStrain, AnyStrainLaw, AnyStretchLaw as Stretch};
 use super::closed::{self, Local};
 use super::{Case, Model};
-use physics::constitutive::{KelvinVoigtConstants, NeoHookeanConstants};
+use physics::constitutive::{
+    J2Plasticity, J2PlasticityConstants, KelvinVoigtConstants, NeoHookeanConstants, OfStrain, OfStrainConstants, StrainLaw, StrainMeasure,
+};
 use physics::elasticity::{Isotropic, Section, Stiffness};
 use physics::influence::{Influence, One, Stored};
-use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
+use physics::models::{
+    BondBased, BondBasedConstants, BondStrainCalibration, Correspondence, ExtendedCorrespondence, LinearPeridynamicSolid,
+    LinearPeridynamicSolidConstants, SethHill,
+};
 use physics::stretch_law::{Bilinear, ElasticPlastic, Tabulated};
 use physics::zero_energy::{self, Control, NoControl, Wan2019};
 
@@ -44,6 +49,10 @@ pub struct Row<const D: usize> {
     pub conservative: bool,
     /// Words of history a bond keeps.
     pub words: usize,
+    /// Words of history a point keeps.
+    pub point_words: usize,
+    /// Whether a commit writes to the history of the points.
+    pub remembers: bool,
 }
 
 /// The sections of a dimension.
@@ -98,8 +107,63 @@ pub fn rows<const D: usize>() -> Vec<Row<D>> {
             solid(&mut t, section, One);
             solid(&mut t, section, Stored);
         }
+        plastic(&mut t, section, "small strain", StrainMeasure::Small, small);
+        plastic(&mut t, section, "logarithmic strain", StrainMeasure::Logarithmic, finite);
+        for m in [-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 0.7] {
+            for published in [false, true] {
+                for strength in [0.0, 0.8] {
+                    extended(&mut t, section, "linear elastic", AnyStrain::Linear(iso), m, published, strength);
+                }
+            }
+            extended(&mut t, section, "orthotropic", AnyStrain::Linear(timber), m, false, 0.8);
+            extended(&mut t, section, "J2 plastic", AnyStrain::Plastic(soft_metal(section)), m, false, 0.8);
+        }
     }
     t
+}
+
+/// Yields at strains of a few per cent, as the bodies of the tests have them.
+fn soft_metal(section: Section) -> J2PlasticityConstants {
+    J2PlasticityConstants::new(STEEL, 0.02 * STEEL.young, 0.1 * STEEL.young, EXPANSION, section).expect("a material")
+}
+
+/// Correspondence with J2 plasticity.
+fn plastic<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, measure: StrainMeasure, rotation: Rotation) {
+    let model =
+        Correspondence { law: OfStrain(J2Plasticity), control: zero_energy::Isotropic::Silling2017 { strength: 0.7 }, omega: Stored };
+    let c = OfStrainConstants { measure, law: soft_metal(section) };
+    t.push(Row {
+        name: format!("correspondence, J2 plastic, {name}, Silling2017, {}, stored influence", section_name(section)),
+        section,
+        rotation,
+        conservative: true,
+        words: 0,
+        point_words: <J2Plasticity as StrainLaw<D>>::MEMORY,
+        remembers: true,
+        thermal: true,
+        viscous: false,
+        local: None,
+        model: Box::new(Case(model, c)),
+    });
+}
+
+fn extended<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, c: AnyStrain<D>, m: f64, published: bool, control: f64) {
+    let calibration = if published { BondStrainCalibration::AsPublished } else { BondStrainCalibration::MomentTensor };
+    let exponent = SethHill::new(m).expect("a moderate exponent");
+    let model = ExtendedCorrespondence { law: AnyStrainLaw, exponent, calibration, control, omega: Stored };
+    t.push(Row {
+        name: format!("extended correspondence, {name}, m = {m}, {calibration:?}, control {control}, {}", section_name(section)),
+        section,
+        rotation: Rotation::Objective,
+        conservative: true,
+        words: 0,
+        point_words: <J2Plasticity as StrainLaw<D>>::MEMORY,
+        remembers: matches!(c, AnyStrain::Plastic(_)),
+        thermal: true,
+        viscous: false,
+        local: None,
+        model: Box::new(Case(model, c)),
+    });
 }
 
 /// A law with every control.
@@ -144,6 +208,8 @@ fn correspondence<Z: Control<D>, I: Influence, const D: usize>(
         rotation,
         conservative: hyperelastic,
         words: 0,
+        point_words: 0,
+        remembers: false,
         // a law known by its Cauchy stress has no thermal strain
         thermal: hyperelastic,
         viscous,
@@ -175,6 +241,8 @@ fn bond_based<I: Influence, const D: usize>(
         rotation: Rotation::Objective,
         conservative: true,
         words: model.law.words(),
+        point_words: 0,
+        remembers: false,
         thermal: false,
         viscous: false,
         local: None,
@@ -189,6 +257,8 @@ fn solid<I: Influence, const D: usize>(t: &mut Vec<Row<D>>, section: Section, om
         rotation: Rotation::Objective,
         conservative: true,
         words: 0,
+        point_words: 0,
+        remembers: false,
         thermal: false,
         viscous: false,
         local: None,
