@@ -857,7 +857,8 @@ fn expansion<const D: usize>(row: &Row<D>) -> f64 {
 /// A bar that is held: P = −E α ΔT (a neo-Hookean one: to first order in α ΔT).
 #[test]
 fn a_held_bar_is_compressed() {
-    for row in rows::<1>().iter().filter(|r| r.thermal && !r.name.contains("orthotropic")) {
+    // the strain of extended correspondence is frozen with the whole family: after bonds broke it carries less
+    for row in rows::<1>().iter().filter(|r| r.thermal && !r.name.contains("orthotropic") && !r.name.starts_with("extended")) {
         let mut body = bodies(row)[1].clone();
         let change = 120.0;
         body.temperature.fill(change);
