@@ -8,10 +8,10 @@ mod yardstick;
 use bodies::body::{Body, Geometry};
 use bodies::chunk::Link;
 use bodies::part::{Assigned, Constants, Part};
+use physics::constitutive::LinearElastic;
 use physics::constitutive::SaintVenantKirchhoff;
 use physics::elasticity::{Isotropic, Section, Stiffness};
 use physics::influence::One;
-use physics::constitutive::LinearElastic;
 use physics::models::{
     BondBased, BondBasedConstants, BondStrainCalibration, Correspondence, ExtendedCorrespondence, LinearPeridynamicSolid,
     LinearPeridynamicSolidConstants, SethHill,
@@ -185,7 +185,9 @@ fn main() {
     // no hand-written loops: beside the linear solid, interleaved
     println!("\n{:32}{:>12}{:>12}{:>12}{:>10}", "ns per directed bond", "ours", "linear solid", "ratio", "bytes");
     let mut yardstick = make(&linear_solid);
-    for (m, control) in [(1.0, 0.0), (0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (-1.0, 0.0), (0.7, 0.0), (1.0, 1.0), (-0.5, 1.0), (0.0, 1.0), (0.7, 1.0)] {
+    for (m, control) in
+        [(1.0, 0.0), (0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (-1.0, 0.0), (0.7, 0.0), (1.0, 1.0), (-0.5, 1.0), (0.0, 1.0), (0.7, 1.0)]
+    {
         let mut body = make(&extended(m, control));
         let (mut ours, mut theirs) = (vec![], vec![]);
         for _ in 0..rounds {

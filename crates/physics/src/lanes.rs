@@ -200,7 +200,7 @@ impl<I: InstructionSet> SubAssign for Lanes<I> {
 }
 
 /// ln 2 in two parts, the first with 32 bits: its product with an exponent is exact.
-const LN_2: [f64; 2] = [6.931_471_803_691_238_16e-1, 1.908_214_929_270_587_7e-10];
+const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
 /// (2 artanh s − 2 s)/s³ as a polynomial of s², highest power first, for e^|2 artanh s| ≤ √2: Chebyshev interpolation, error 1e-17.
 const LOG: [f64; 7] = [
     0.146_164_496_850_434_06,
@@ -209,7 +209,7 @@ const LOG: [f64; 7] = [
     0.222_222_111_347_950_8,
     0.285_714_286_259_754_85,
     0.399_999_999_998_995,
-    0.666_666_666_666_666_97,
+    0.666_666_666_666_667,
 ];
 /// (eʳ − 1 − r − r²/2)/r³, highest power first, for |r| ≤ ln(2)/2: Chebyshev interpolation, error 4e-19.
 const EXP: [f64; 10] = [
@@ -217,7 +217,7 @@ const EXP: [f64; 10] = [
     2.510_047_250_569_499_6e-8,
     2.755_728_283_880_048_3e-7,
     2.755_726_827_690_57e-6,
-    2.480_158_731_722_872_2e-5,
+    2.480_158_731_722_872e-5,
     1.984_126_986_317_155_6e-4,
     1.388_888_888_888_653_6e-3,
     8.333_333_333_330_038e-3,

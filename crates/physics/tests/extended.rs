@@ -183,7 +183,8 @@ fn infinitesimal_uniform_strain() {
         assert!((100.0 * got - want).abs() <= 0.51 * digit, "{name}: {got} {want}");
     }
     fn asked<const D: usize>(reference: [[f64; 2]; 5]) {
-        let shapes: [(&str, Place, fn(f64) -> f64, f64); 5] = [
+        type Shape = (&'static str, Place, fn(f64) -> f64, f64);
+        let shapes: [Shape; 5] = [
             ("constant", Place::Interior, |_| 1.0, 0.01),
             ("inverse length", Place::Interior, |q| 1.0 / q, 0.1),
             ("cone", Place::Interior, |q| 1.0 - q, 0.1),

@@ -150,7 +150,7 @@ impl<R: Scalar, const D: usize> Logarithm<R, D> {
         let axes = axes.to();
         let mut rest = axes.transpose() * e * axes;
         for k in 0..D {
-            rest.0[k][k] = rest.0[k][k] - R::of(values[k]);
+            rest.0[k][k] -= R::of(values[k]);
         }
         Logarithm { axes, values, squares: values.map(|x| 1.0 + 2.0 * x), rest }
     }

@@ -128,8 +128,7 @@ impl std::error::Error for ExponentError {}
 impl SethHill {
     /// The exponent m, any number between −[`MAX_EXPONENT`] and [`MAX_EXPONENT`].
     pub fn new(m: f64) -> Result<Self, ExponentError> {
-        // written so that a NaN is not right
-        if !(m.abs() <= MAX_EXPONENT) {
+        if m.is_nan() || m.abs() > MAX_EXPONENT {
             return Err(ExponentError(m));
         }
         let kind = match m {
@@ -307,8 +306,7 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
     fn shape(&self, c: &L::Constants, h: Reference<D>) -> Result<BondStrainShape, SingularFamily> {
         let n = D * (D + 1) / 2;
         let weight: f64 = h.integrate(|b| self.omega.at(b));
-        // written so that a NaN is singular
-        if !(weight > 0.0) {
+        if weight.is_nan() || weight <= 0.0 {
             return Err(SingularFamily);
         }
         let moment = self.moment(h);

@@ -142,6 +142,8 @@ pub struct AnyStrainLaw;
 
 /// Which law of the strain, with its constants.
 #[derive(Clone, Copy)]
+// constants are plain data: no box
+#[allow(clippy::large_enum_variant)]
 pub enum AnyStrainConstants<const D: usize> {
     Linear(Stiffness<D>),
     Plastic(J2PlasticityConstants),
