@@ -626,7 +626,7 @@ fn commit<const D: usize>(row: &Row<D>) -> f64 {
     if row.words == 0 && !row.remembers {
         return 0.0;
     }
-    let mut worst = 0.0f64;
+    let (mut worst, mut remembered) = (0.0f64, false);
     for mut body in bodies(row) {
         body.bond_memory.fill(0.0);
         for seed in [1, 2] {
@@ -635,10 +635,12 @@ fn commit<const D: usize>(row: &Row<D>) -> f64 {
             let history = (body.memory.clone(), body.bond_memory.clone());
             row.model.commit(&mut body, &u);
             let after = row.model.evaluate(&body, &u, With::Scalars).forces;
-            assert!(history != (body.memory.clone(), body.bond_memory.clone()), "{}: nothing was remembered", row.name);
+            // a random deformation of a bar may stay below the yield stress
+            remembered |= history != (body.memory.clone(), body.bond_memory.clone());
             worst = worst.max(difference(after.as_flattened(), before.as_flattened()));
         }
     }
+    assert!(remembered, "{}: nothing was remembered", row.name);
     worst
 }
 

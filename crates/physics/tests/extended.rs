@@ -656,6 +656,9 @@ fn families_that_do_not_see_every_strain() {
     let shape = |calibration| model(Probe, 0.0, calibration, One).shape(&(0, 0), Reference::<2>::new(&view, 0)).err();
     assert_eq!(shape(MomentTensor), Some(SingularFamily));
     assert_eq!(shape(TruncatedMomentTensor), None);
+    let truncated = model(Probe, 0.0, TruncatedMomentTensor, One);
+    let kept = truncated.shape(&(0, 0), Reference::<2>::new(&view, 0)).expect("the strain along the line");
+    assert!(Material::<2>::shortfall(&truncated, &kept).is_some());
     let f = [[1.05, 0.02], [0.01, 0.97]];
     let e = strain(&body, &body.affine(f), 1.0, TruncatedMomentTensor);
     // n n (n·E n) with n = (0.6, 0.8)

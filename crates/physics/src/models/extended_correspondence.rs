@@ -244,6 +244,8 @@ pub struct BondStrainShape {
     moment: StrainMap,
     /// s
     control: f64,
+    /// Whether some strain is not seen.
+    truncated: bool,
 }
 
 /// What a family deforms to.
@@ -310,6 +312,7 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
             return Err(SingularFamily);
         }
         let moment = self.moment(h);
+        let mut truncated = false;
         let map = match self.calibration {
             BondStrainCalibration::AsPublished => {
                 // A M − B tr(M) 1, times N/∫ω dV′
@@ -321,7 +324,8 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
                     (0..n * n).map(|k| moment.0[StrainMap::at(n, (k / n).min(k % n), (k / n).max(k % n))] / weight).collect();
                 let (values, vectors) = symmetric_eigen(&full, n);
                 let seen = |x: f64| x > UNSEEN * values[n - 1];
-                if self.calibration == BondStrainCalibration::MomentTensor && !seen(values[0]) {
+                truncated = !seen(values[0]);
+                if truncated && self.calibration == BondStrainCalibration::MomentTensor {
                     return Err(SingularFamily);
                 }
                 StrainMap::new(n, |i, j| {
@@ -331,7 +335,7 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
         };
         let stiffness = self.law.stiffness(c);
         let modulus = if D == 1 { stiffness.voigt[0][0] } else { (D * (D + 2)) as f64 * stiffness.average.shear() };
-        Ok(BondStrainShape { map, moment, control: self.control * modulus / weight })
+        Ok(BondStrainShape { map, moment, control: self.control * modulus / weight, truncated })
     }
     fn reshape(&self, _: &L::Constants, shape: &BondStrainShape, h: Reference<D>) -> Result<BondStrainShape, SingularFamily> {
         Ok(BondStrainShape { moment: self.moment(h), ..*shape })
@@ -389,6 +393,9 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
             let strain = self.strained(shape, h).strain;
             self.law.commit(c, &seen_by_law::<_, _, D>(L::MEMORY, strain, h), point);
         }
+    }
+    fn shortfall(&self, shape: &BondStrainShape) -> Option<&'static str> {
+        shape.truncated.then_some("fewer than d(d + 1)/2 independent directions: strains that no bond sees are left at zero")
     }
     fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
         self.law.stiffness(c).out_of_plane_stress(s)
