@@ -94,9 +94,7 @@ fn monomials<S: Scalar, const D: usize, const M: usize>(s: Vector<S, D>, used: u
     let (mut at, mut before, mut size) = (0, 0, 0);
     while at < used {
         if size == 0 {
-            for k in 0..D {
-                p[k] = s.0[k];
-            }
+            p[..D].copy_from_slice(&s.0);
             (at, size) = (D, D);
             continue;
         }
@@ -193,8 +191,7 @@ fn solve<const D: usize, const M: usize>(bonds: &[(Vector<f64, D>, f64)], order:
             }
         }
         let left = norm(&q);
-        // written so that a NaN stops here
-        if !(left > DEPENDENT * before) {
+        if left.is_nan() || left <= DEPENDENT * before {
             break;
         }
         r[k][k] = left;
