@@ -14,7 +14,10 @@ use physics::constitutive::{Almansi, FromCauchy, Hyperelastic, HyperelasticConst
 use physics::elasticity::{Isotropic, Section};
 use physics::influence::{Influence, One, Stored};
 use physics::material::Material;
-use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
+use physics::models::{
+    BondBased, BondBasedConstants, CorrectedCorrespondence, Correspondence, EmptySubHorizon, LARGEST_ORDER, LinearPeridynamicSolid,
+    LinearPeridynamicSolidConstants, SubHorizonCorrespondence, monomial_count,
+};
 use physics::stretch_law::{Elastic, Nonlinear};
 use physics::zero_energy::{self, Wan2019};
 
@@ -28,6 +31,10 @@ pub enum Model<const D: usize> {
     LinearPeridynamicSolid(Constants<LinearPeridynamicSolidConstants>),
     /// [`Correspondence`].
     Correspondence(Law<D>, Control),
+    /// [`CorrectedCorrespondence`] of an order.
+    Corrected(Constants<HyperelasticConstants<D>>, zero_energy::Isotropic, usize),
+    /// [`SubHorizonCorrespondence`].
+    SubHorizons(Constants<HyperelasticConstants<D>>, EmptySubHorizon),
 }
 
 /// A constitutive law with its constants.
@@ -59,6 +66,8 @@ pub struct Place<'a, const D: usize> {
     pub chunks: &'a [Chunk<D>],
     /// Whether the bonds store their influence; otherwise it is 1.
     pub weighted: bool,
+    /// Number of sub-horizons whose membership the bonds store.
+    pub sub_horizons: usize,
 }
 
 /// What is compiled for a dimension.
@@ -76,7 +85,7 @@ macro_rules! compiled {
     ($($d:literal)*) => {$(
         impl Compiled<$d> for Catalog {
             fn part(model: Model<$d>, place: &Place<$d>) -> Box<dyn Part<$d>> {
-                part(model, place)
+                part::<$d, { monomial_count($d, LARGEST_ORDER[$d - 1]) }, { sub_horizon_planes($d, 1) }>(model, place)
             }
             fn simulated(structure: Structure<$d>) -> Box<dyn Simulated> {
                 Box::new(structure)
@@ -86,13 +95,20 @@ macro_rules! compiled {
 }
 compiled!(1 2 3);
 
+/// Sub-horizons that models are compiled for, and so the numbers whose membership a body stores: four in the plane are a case of their
+/// own, because quadrants are.
+pub const fn sub_horizon_planes(d: usize, count: usize) -> usize {
+    if d == 2 && count <= 4 { 4 } else { 8 }
+}
+
 impl<const D: usize> Place<'_, D> {
     fn assign<M: Material<D>>(&self, model: M, constants: Constants<M::Constants>) -> Box<dyn Part<D>> {
         Box::new(Assigned::new(self.name, model, constants, self.points, self.chunks))
     }
 }
 
-fn part<const D: usize>(model: Model<D>, place: &Place<D>) -> Box<dyn Part<D>> {
+/// `M` monomials of the largest order of a correction; `FEW` and 8 are the numbers of sub-horizons.
+fn part<const D: usize, const M: usize, const FEW: usize>(model: Model<D>, place: &Place<D>) -> Box<dyn Part<D>> {
     match model {
         Model::ElasticBonds(c) if place.weighted => place.assign(BondBased { law: Elastic, omega: Stored }, c),
         Model::ElasticBonds(c) => place.assign(BondBased { law: Elastic, omega: One }, c),
@@ -103,6 +119,17 @@ fn part<const D: usize>(model: Model<D>, place: &Place<D>) -> Box<dyn Part<D>> {
         Model::Correspondence(Law::Hyperelastic(c), control) => controlled(Hyperelastic, One, control, c, place),
         Model::Correspondence(Law::KelvinVoigt(c), control) => controlled(KelvinVoigt, Stored, control, c, place),
         Model::Correspondence(Law::Almansi(c), control) => controlled(FromCauchy(Almansi), Stored, control, c, place),
+        Model::Corrected(c, control, order) => {
+            debug_assert!(order <= LARGEST_ORDER[D - 1]);
+            let (law, omega) = (Hyperelastic, Stored);
+            place.assign(CorrectedCorrespondence::<_, _, _, M> { law, control, omega, order }, c)
+        }
+        Model::SubHorizons(c, empty) => match (place.sub_horizons, place.weighted) {
+            (n, true) if n == FEW => place.assign(SubHorizonCorrespondence::<_, _, FEW> { law: Hyperelastic, omega: Stored, empty }, c),
+            (n, false) if n == FEW => place.assign(SubHorizonCorrespondence::<_, _, FEW> { law: Hyperelastic, omega: One, empty }, c),
+            (_, true) => place.assign(SubHorizonCorrespondence::<_, _, 8> { law: Hyperelastic, omega: Stored, empty }, c),
+            (_, false) => place.assign(SubHorizonCorrespondence::<_, _, 8> { law: Hyperelastic, omega: One, empty }, c),
+        },
     }
 }
 

@@ -16,8 +16,9 @@ use physics::constitutive::{HyperelasticConstants, KelvinVoigtConstants, NeoHook
 use physics::elasticity::{self, Isotropic, Section, Stiffness};
 use physics::failure::{CrackPlane, continuum_critical_bond_energy, continuum_critical_stretch, crossing_energy};
 use physics::influence::Radial;
-use physics::models::{BondBasedConstants, LinearPeridynamicSolidConstants};
+use physics::models::{BondBasedConstants, EmptySubHorizon, LARGEST_ORDER, LinearPeridynamicSolidConstants};
 use physics::stretch_law::{Bilinear, ElasticPlastic, Nonlinear, Tabulated};
+use physics::sub_horizon::Partition;
 use physics::tensor::Vector;
 use physics::zero_energy;
 
@@ -58,15 +59,20 @@ where
     let materials: Vec<&deck::Material> = deck.materials.iter().map(|(_, m)| m).collect();
     let weighted = materials.iter().any(|m| stores_influence(problem, m));
     let weights = Weights::new(problem);
+    // one number for the body: a family of fewer sub-horizons leaves the others empty
+    let sub_horizons = materials.iter().map(|m| planes(m, D)).max().unwrap_or(0);
     let geometry = Geometry { position: &cloud.position, volume: &cloud.volume, horizon: &problem.horizon };
     let found = &problem.neighbors;
-    let mut body = Body::<D>::new(&geometry, weighted, |p, out: &mut Vec<Link>| {
+    let mut body = Body::<D>::new(&geometry, weighted, sub_horizons, |p, out: &mut Vec<Link>| {
         for b in found.bonds_of(p) {
             let end = found.end(&cloud.position, p, b);
-            out.push(Link { point: found.index[b], flips: found.flips_of(b), end, weight: 1.0 });
+            out.push(Link { point: found.index[b], flips: found.flips_of(b), end, weight: 1.0, sets: 0 });
         }
         if weighted {
             weights.fill::<D>(problem, materials[problem.material[p] as usize], p, out);
+        }
+        if sub_horizons > 0 {
+            divide::<D>(problem, materials[problem.material[p] as usize], p, out);
         }
     });
     let mut parts: Vec<Box<dyn Part<D>>> = vec![];
@@ -74,7 +80,7 @@ where
         let points: Vec<u32> = (0..n as u32).filter(|&p| problem.material[p as usize] == m as u32).collect();
         let site = Site { problem, material, points: &points };
         let weighted = stores_influence(problem, material);
-        let place = Place { name: &name.value, points: &points, chunks: body.chunks(), weighted };
+        let place = Place { name: &name.value, points: &points, chunks: body.chunks(), weighted, sub_horizons };
         parts.push(Catalog::part(model::<D>(&site)?, &place));
     }
     if let Err(singular) = body.assign(parts) {
@@ -93,6 +99,9 @@ where
     let mut derived = vec![];
     let mut warnings = vec![];
     let mut failure = vec![];
+    for (material, what, families) in body.shortfalls() {
+        derived.push((format!("{material}: {what}"), families as f64, ""));
+    }
     for (m, (name, material)) in deck.materials.iter().enumerate() {
         if let Some(damage) = &material.damage {
             let more = thresholds(problem, &body, m as u32, &name.value, material, damage, &mut derived)?;
@@ -198,16 +207,92 @@ fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
             Ok(Model::LinearPeridynamicSolid(constants))
         }
         deck::Model::Correspondence(c) => {
-            let control = match &c.control {
+            let control = match c.control.as_ref().map(|c| &c.value) {
                 // in one dimension the tensor is a number
-                deck::Control::Wan2019 if D > 1 => Control::Wan2019,
-                deck::Control::None => Control::Isotropic(zero_energy::Isotropic::None),
-                deck::Control::Wan2019 | deck::Control::Wan2019Objective => Control::Isotropic(zero_energy::Isotropic::Wan2019),
-                deck::Control::Silling2017(s) => Control::Isotropic(zero_energy::Isotropic::Silling2017 { strength: s.strength.value }),
+                Some(deck::Control::Wan2019) if D > 1 => Control::Wan2019,
+                Some(deck::Control::None) => Control::Isotropic(zero_energy::Isotropic::None),
+                None | Some(deck::Control::Wan2019 | deck::Control::Wan2019Objective) => {
+                    Control::Isotropic(zero_energy::Isotropic::Wan2019)
+                }
+                Some(deck::Control::Silling2017(s)) => {
+                    Control::Isotropic(zero_energy::Isotropic::Silling2017 { strength: s.strength.value })
+                }
             };
-            Ok(Model::Correspondence(law(site, &c.law)?, control))
+            let law = law::<D>(site, &c.law)?;
+            match (&c.kinematics, law) {
+                (deck::Kinematics::WholeFamily, law) => Ok(Model::Correspondence(law, control)),
+                (deck::Kinematics::Corrected(k), Law::Hyperelastic(constants)) => {
+                    let order = k.order.value as usize;
+                    if order == 0 || order > LARGEST_ORDER[D - 1] {
+                        return Err(vec![Issue::new(
+                            k.order.span,
+                            format!("an order of {order} is not available in {D}D"),
+                            format!("give 1 to {}", LARGEST_ORDER[D - 1]),
+                        )]);
+                    }
+                    let Control::Isotropic(control) = control else {
+                        return Err(vec![Issue::new(
+                            c.control.as_ref().map_or(c.span, |c| c.span),
+                            "a corrected influence function takes isotropic controls only",
+                            "use `wan_2019_objective`, `silling_2017` or `none`",
+                        )]);
+                    };
+                    Ok(Model::Corrected(constants, control, order))
+                }
+                (deck::Kinematics::SubHorizons(s), Law::Hyperelastic(constants)) => {
+                    if let Some(control) = c.control.as_ref().filter(|c| !matches!(c.value, deck::Control::None)) {
+                        return Err(vec![Issue::new(
+                            control.span,
+                            "sub-horizons have no zero-energy modes, and take no control",
+                            "remove `control`",
+                        )]);
+                    }
+                    let count = partition(s, D).count(D).map_err(|e| vec![Issue::new(s.span, e.what, e.remedy)])?;
+                    let empty = match s.empty_sub_horizon {
+                        deck::EmptySubHorizonName::Renormalise => EmptySubHorizon::Renormalise,
+                        deck::EmptySubHorizonName::ZeroEnergy => EmptySubHorizon::ZeroEnergy { of: count as u32 },
+                    };
+                    Ok(Model::SubHorizons(constants, empty))
+                }
+                (_, _) => Err(vec![Issue::new(
+                    c.span,
+                    "this law works with one deformation gradient of the whole family",
+                    "use `kinematics: whole_family`, or a law with an energy",
+                )]),
+            }
         }
     }
+}
+
+/// The partition a deck names. In a dimension that does not have it, [`Partition::count`] refuses it.
+fn partition(s: &deck::SubHorizons, d: usize) -> Partition {
+    use deck::PartitionName as Name;
+    let n = |c: &deck::Count| c.value as usize;
+    match &s.partition {
+        Name::Automatic => Partition::Automatic(if d == 3 { 8 } else { 2 * d }),
+        Name::AtMost(c) => Partition::Automatic(n(c)),
+        Name::Intervals(c) => Partition::Intervals(n(c)),
+        Name::Quadrants if d == 2 => Partition::Orthants,
+        Name::Octants if d == 3 => Partition::Orthants,
+        Name::Quadrants => Partition::Sectors(4),
+        Name::Octants => Partition::Cones(8),
+        Name::Sectors(c) => Partition::Sectors(n(c)),
+        Name::Cones(c) => Partition::Cones(n(c)),
+    }
+}
+
+/// Sub-horizons of a material, if its kinematics have any.
+fn sub_horizons(m: &deck::Material) -> Option<&deck::SubHorizons> {
+    match &m.model {
+        deck::Model::Correspondence(deck::Correspondence { kinematics: deck::Kinematics::SubHorizons(s), .. }) => Some(s),
+        _ => None,
+    }
+}
+
+/// Numbers of sub-horizons whose membership the bonds store. Partitions that do not fit the dimension store none: they are refused
+/// with their material.
+fn planes(m: &deck::Material, d: usize) -> usize {
+    sub_horizons(m).and_then(|s| partition(s, d).count(d).ok()).map_or(0, |n| catalog::sub_horizon_planes(d, n))
 }
 
 /// A constitutive law, with its constants.
@@ -433,7 +518,9 @@ fn stores_influence(problem: &Problem, m: &deck::Material) -> bool {
     let (influence, corrected) = influence_of(m);
     let always = match &m.model {
         deck::Model::BondBased(b) => !matches!(b.bond_law, BondLaw::Elastic),
-        deck::Model::Correspondence(c) => matches!(c.law, LawName::KelvinVoigt(_) | LawName::Almansi(_)),
+        deck::Model::Correspondence(c) => {
+            matches!(c.law, LawName::KelvinVoigt(_) | LawName::Almansi(_)) || matches!(c.kinematics, deck::Kinematics::Corrected(_))
+        }
         deck::Model::LinearPeridynamicSolid(_) => false,
     };
     always
@@ -484,6 +571,21 @@ impl Weights {
             }
         }
     }
+}
+
+/// The sub-horizons of each bond of a family.
+fn divide<const D: usize>(problem: &Problem, m: &deck::Material, p: usize, links: &mut [Link]) {
+    let Some(s) = sub_horizons(m) else { return };
+    let partition = partition(s, D);
+    if partition.count(D).is_err() {
+        return;
+    }
+    let x = problem.cloud.position[p];
+    let bonds: Vec<(Vector<f64, D>, f64)> = links
+        .iter()
+        .map(|l| (Vector(std::array::from_fn(|k| l.end[k] - x[k])), l.weight * problem.cloud.volume[l.point as usize]))
+        .collect();
+    links.iter_mut().zip(partition.membership(&bonds, problem.horizon[p])).for_each(|(l, sets)| l.sets = sets);
 }
 
 /// Criteria of the same kind become one, so that a bond between two materials breaks at the mean of their thresholds. Between
