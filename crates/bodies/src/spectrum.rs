@@ -90,15 +90,19 @@ impl Branch {
     pub fn ratio(&self) -> f64 {
         self.stiffness / self.local
     }
-    /// Angular frequency ω = √(λ/ρ) [1/time]; negative, −√(−λ/ρ), for a wave that grows at this rate.
+    /// Angular frequency ω = √(λ/ρ) [1/time]; negative, −√(−λ/ρ), for a wave that grows at this rate; zero for one
+    /// without energy.
     pub fn frequency(&self, density: f64) -> f64 {
-        self.stiffness.signum() * (self.stiffness.abs() / density).sqrt()
+        // what is left of a zero-energy wave is round-off, and its sign and direction mean nothing
+        if self.is_round_off() { 0.0 } else { self.stiffness.signum() * (self.stiffness.abs() / density).sqrt() }
     }
     /// Group velocity dω/d|k| [length/time]; zero for a wave without energy.
     pub fn group_velocity(&self, density: f64) -> f64 {
-        let frequency = self.frequency(density);
-        // what is left of a zero-energy wave is round-off, and its direction means nothing
-        if self.stiffness.abs() <= ROUND_OFF * self.local { 0.0 } else { self.slope / (2.0 * density * frequency.abs()) }
+        if self.is_round_off() { 0.0 } else { self.slope / (2.0 * density * self.frequency(density).abs()) }
+    }
+    /// Whether the wave has no energy at all, in 64 bits.
+    fn is_round_off(&self) -> bool {
+        self.stiffness.abs() <= ROUND_OFF * self.local
     }
     /// Velocity of waves of the local solid [length/time] for a wave number |k|.
     pub fn local_velocity(&self, wave_number: f64, density: f64) -> f64 {
@@ -502,7 +506,7 @@ pub fn search(symbol: &Symbol, lattice: &Lattice, options: &Search) -> Found {
     found
 }
 
-/// Follows a function down from `from` by compass search, in steps that are halved from `step` to 1e-9.
+/// Follows a function down from `from` within the Brillouin zone by compass search, in steps that are halved from `step` to 1e-9.
 fn descend(from: [f64; 3], dimension: usize, step: f64, f: impl Fn([f64; 3]) -> f64) -> [f64; 3] {
     let (mut at, mut step) = (from, 0.5 * step);
     let mut least = f(at);
@@ -513,6 +517,10 @@ fn descend(from: [f64; 3], dimension: usize, step: f64, f: impl Fn([f64; 3]) -> 
             for sign in [1.0, -1.0] {
                 let mut next = at;
                 next[a] += sign * step;
+                // the same wave has other names beyond the boundary, and longer wave vectors to be compared with
+                if next[a].abs() > 1.0 {
+                    continue;
+                }
                 let value = f(next);
                 evaluations += 1;
                 if value < best.map_or(least, |b: (f64, _)| b.0) {

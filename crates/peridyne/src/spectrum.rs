@@ -613,7 +613,7 @@ impl Report {
         if let Some(modes) = &self.modes {
             for (n, value) in modes.values.iter().enumerate() {
                 out.push((format!("mode.{}.eigenvalue", n + 1), *value));
-                out.push((format!("mode.{}.frequency", n + 1), cycles(*value)));
+                out.push((format!("mode.{}.frequency", n + 1), cycles(*value, modes)));
             }
             out.push(("mode.zero".into(), modes.zero(BODY_ZERO) as f64));
             out.push(("mode.largest".into(), modes.largest));
@@ -662,7 +662,7 @@ impl Report {
         if let Some(modes) = &self.modes {
             out.push(format!("body: {} lowest modes, {} of them without energy", modes.values.len(), modes.zero(BODY_ZERO)));
             for (n, value) in modes.values.iter().enumerate() {
-                out.push(format!("  mode {:<3} eigenvalue {value:>14.6e}  frequency {:>14.6e}", n + 1, cycles(*value)));
+                out.push(format!("  mode {:<3} eigenvalue {value:>14.6e}  frequency {:>14.6e}", n + 1, cycles(*value, modes)));
             }
         }
         for [k, energy] in self.imposed.iter().take(12) {
@@ -686,7 +686,7 @@ impl Report {
         if let Some(modes) = &self.modes {
             let mut table = History::create(&folder.join("modes.csv"), &["mode", "eigenvalue", "frequency"])?;
             for (n, value) in modes.values.iter().enumerate() {
-                table.append(&[(n + 1) as f64, *value, cycles(*value)])?;
+                table.append(&[(n + 1) as f64, *value, cycles(*value, modes)])?;
             }
             self.write_shapes(modes, problem, folder)?;
         }
@@ -735,7 +735,7 @@ impl Report {
     }
 }
 
-/// Cycles per time of an eigenvalue ω²; negative for one that grows.
-fn cycles(eigenvalue: f64) -> f64 {
-    eigenvalue.signum() * eigenvalue.abs().sqrt() / (2.0 * PI)
+/// Cycles per time of an eigenvalue ω²; negative for one that grows, zero for one that is round-off.
+fn cycles(eigenvalue: f64, modes: &BodyModes) -> f64 {
+    if eigenvalue.abs() <= BODY_ZERO * modes.largest { 0.0 } else { eigenvalue.signum() * eigenvalue.abs().sqrt() / (2.0 * PI) }
 }

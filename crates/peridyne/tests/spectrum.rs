@@ -208,7 +208,8 @@ fn faults_are_told_with_their_places() {
     ] {
         assert!(message.contains(part), "{part} is missing in:\n{message}");
     }
-    let spectrum = "{spectrum: {waves: {none: 0, 'a b': 1}, path: [gamma], stretch: -1, imposed: {wave_numbers: [1], length: 1, along: y}}}";
+    let spectrum =
+        "{spectrum: {waves: {none: 0, 'a b': 1}, path: [gamma], stretch: -1, imposed: {wave_numbers: [1], length: 1, along: y}}}";
     let deck = bar(folder.path(), "{a: {model: {bond_based: {youngs_modulus: 1}}}}", spectrum, &[("spectrum.smallest", 1.0, 1.0)]);
     let (_, message) = told("check", &deck, &[], 2);
     for part in ["a rigid translation", "`a b` cannot be part", "two corners or more", "inside out", "has no axis y"] {
