@@ -371,6 +371,8 @@ impl IsotropicSource<'_> {
             (_, Some(nu), Some(k), _) => Isotropic { young: 3.0 * k * (1.0 - 2.0 * nu), poisson: nu },
             (_, Some(nu), _, Some(g)) => Isotropic { young: 2.0 * g * (1.0 + nu), poisson: nu },
             (_, _, Some(k), Some(g)) => Isotropic::from_bulk_shear(k, g),
+            // nothing in a bar depends on it
+            (Some(young), None, None, None) if matches!(section, Section::Bar { .. }) => Isotropic { young, poisson: 0.0 },
             _ => return Err(Issue::new(self.span, "two elastic constants are needed", "give `youngs_modulus` and `poisson_ratio`")),
         };
         let incompressible = m.poisson >= 0.5 - 1e-9 && !matches!(section, Section::Bar { .. } | Section::PlaneStress { .. });

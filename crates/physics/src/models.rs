@@ -10,4 +10,4 @@ pub use bond_based::{BondBased, BondBasedConstants};
 pub use corrected_correspondence::{CorrectedCorrespondence, CorrectedShape, CorrectedState, LARGEST_ORDER, monomial_count};
 pub use correspondence::{Correspondence, FLAT_FAMILY};
 pub use linear_peridynamic_solid::{LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
-pub use sub_horizon_correspondence::{EmptySubHorizon, SubHorizonCorrespondence, SubHorizonShape};
+pub use sub_horizon_correspondence::{EmptySubHorizon, FLAT_SUB_HORIZON, SubHorizonCorrespondence, SubHorizonShape};

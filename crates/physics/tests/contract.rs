@@ -39,6 +39,9 @@ fn equip<const D: usize>(row: &Row<D>, body: Body<D>) -> Body<D> {
     if row.thermal {
         body = body.heated(300.0);
     }
+    if let Some((partition, planes)) = row.partition {
+        body = body.divided(partition, planes);
+    }
     body
 }
 

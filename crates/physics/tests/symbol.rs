@@ -16,9 +16,13 @@ use physics::family::{Family, Reference};
 use physics::influence::{One, Stored};
 use physics::isotropy::fourth_moment_factors;
 use physics::material::Material;
-use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
+use physics::models::{
+    BondBased, BondBasedConstants, CorrectedCorrespondence, Correspondence, EmptySubHorizon, LinearPeridynamicSolid,
+    LinearPeridynamicSolidConstants, SubHorizonCorrespondence,
+};
 use physics::scalar::{Jet, ROW, Scalar};
 use physics::stretch_law::Elastic;
+use physics::sub_horizon::Partition;
 use physics::tensor::{Vector, symmetric_eigen};
 use physics::zero_energy::{self, Control, NoControl, Wan2019};
 use std::f64::consts::PI;
@@ -46,6 +50,20 @@ impl<const D: usize> Lattice<D> {
     }
     /// With fourth-moment weights of the given power.
     fn corrected<M: Material<D>>(material: M, constants: M::Constants, delta: f64, power: Option<i32>) -> Self {
+        Self::prepared(material, constants, delta, power, None)
+    }
+    /// With the family divided into sub-horizons.
+    fn divided<const P: usize>(partition: Partition, empty: EmptySubHorizon, delta: f64) -> Self {
+        let model = SubHorizonCorrespondence::<_, _, P> { law: LinearElastic, omega: One, empty };
+        Self::prepared(model, Stiffness::isotropic(SOLID, 0.0, section::<D>()), delta, None, Some((partition, P)))
+    }
+    fn prepared<M: Material<D>>(
+        material: M,
+        constants: M::Constants,
+        delta: f64,
+        power: Option<i32>,
+        partition: Option<(Partition, usize)>,
+    ) -> Self {
         let n = delta as i64 + 1;
         let side = (2 * n + 1) as usize;
         let bonds: Vec<[f64; D]> = (0..side.pow(D as u32))
@@ -62,6 +80,9 @@ impl<const D: usize> Lattice<D> {
             let bonds: Vec<(Vector<f64, D>, f64)> = bonds.iter().map(|x| (Vector(*x), 1.0)).collect();
             let factors = fourth_moment_factors(&bonds, power).expect("a family that can be corrected");
             body.weight[..factors.len()].copy_from_slice(&factors);
+        }
+        if let Some((partition, planes)) = partition {
+            body = body.divided(partition, planes);
         }
         let rest = vec![0.0; body.points() * ROW];
         let shape = material.shape(&constants, Reference::new(&body.view(&rest), 0)).expect("a full family");
@@ -336,4 +357,66 @@ fn conventional_symbol_by_hand() {
             }
         }
     }
+}
+
+/// Sub-horizons in half-spaces: no mode is free, and the checkerboard costs what an independent implementation found.
+#[test]
+fn sub_horizons_leave_no_zero_energy_mode() {
+    const DROP: EmptySubHorizon = EmptySubHorizon::Renormalise;
+    fn asked<const D: usize>(lattice: &Lattice<D>, name: &str, n: i64, checkerboard: Option<f64>) {
+        let (corners, elsewhere, smallest) = zeros(lattice, n);
+        let energy = 0.5 * lattice.symbol([PI; D])[0][0][0];
+        println!("{D}D, {name}: smallest eigenvalue {smallest:.2e} of the largest, checkerboard {energy:.6}");
+        assert_eq!((corners, elsewhere), (0, 0), "{D}D, {name}");
+        assert!(smallest > 1e-4, "{D}D, {name}: {smallest}");
+        if let Some(want) = checkerboard {
+            assert!((energy / want - 1.0).abs() < 6e-5, "{D}D, {name}: {energy} {want}");
+        }
+    }
+    let axes = Partition::Orthants;
+    asked(&Lattice::<1>::divided::<8>(axes, DROP, 1.1), "half-lines, 1.1", 32, Some(2.0));
+    asked(&Lattice::<1>::divided::<8>(axes, DROP, 5.1), "half-lines, 5.1", 32, Some(0.053554));
+    asked(&Lattice::<1>::divided::<8>(Partition::Intervals(4), DROP, 5.1), "four intervals, 5.1", 32, None);
+    asked(&Lattice::<2>::divided::<8>(axes, DROP, 1.1 * 2f64.sqrt()), "quadrants, 1.1", 8, Some(0.35556));
+    asked(&Lattice::<2>::divided::<8>(axes, DROP, 3.1 * 2f64.sqrt()), "quadrants, 3.1", 8, Some(0.052281));
+    for n in 3..=8 {
+        asked(&Lattice::<2>::divided::<8>(Partition::Sectors(n), DROP, 3.1 * 2f64.sqrt()), &format!("{n} sectors, 3.1"), 8, None);
+    }
+    asked(&Lattice::<3>::divided::<8>(axes, DROP, 1.1), "octants, 1.1", 4, Some(4.0));
+    asked(&Lattice::<3>::divided::<8>(axes, DROP, 3.1), "octants, 3.1", 4, Some(0.11111));
+    asked(&Lattice::<3>::divided::<8>(Partition::Cones(6), DROP, 3.1), "six cones, 3.1", 4, None);
+    asked(&Lattice::<3>::divided::<8>(Partition::Automatic(8), DROP, 3.1), "automatic, 3.1", 4, None);
+}
+
+/// δ²·symbol/E for short waves in the continuum: 0 for the whole family, 9/4 for two and (9 + 81/49)/2 for four sub-horizons.
+#[test]
+fn short_waves_of_sub_horizons() {
+    let (delta, k) = (400.5, 0.31 * PI);
+    let limit = |lattice: Lattice<1>| delta * delta * lattice.eigenvalues([k])[0];
+    let zero = limit(correspondence(NoControl, delta));
+    let two = limit(Lattice::divided::<8>(Partition::Intervals(2), EmptySubHorizon::ZeroEnergy { of: 2 }, delta));
+    let four = limit(Lattice::divided::<8>(Partition::Intervals(4), EmptySubHorizon::ZeroEnergy { of: 4 }, delta));
+    println!("short waves: whole {zero:.4}, two {two:.4}, four {four:.4}");
+    // the lattice of 400 points a half adds terms of order 1/(k δ) and 1/400
+    assert!(zero < 0.01 && (two / 2.25 - 1.0).abs() < 0.02 && (four / 5.3265 - 1.0).abs() < 0.02);
+}
+
+/// The correction is even where the family is symmetric: the modes at the corners stay free whatever the order.
+#[test]
+fn corrected_influence_functions_do_not_control_the_corners() {
+    for order in 1..=8 {
+        let model = CorrectedCorrespondence::<_, _, _, 10> { law: LinearElastic, control: zero_energy::Isotropic::None, omega: One, order };
+        let lattice = Lattice::<1>::new(model, Stiffness::isotropic(SOLID, 0.0, section::<1>()), 5.1);
+        let largest = (1..32).map(|j| lattice.eigenvalues([j as f64 * PI / 32.0])[0]).fold(0.0, f64::max);
+        assert!(lattice.eigenvalues([PI])[0] < 1e-14 * largest, "{order}");
+        // long waves are classical, the better the higher the order: E k² to (kδ)^N, N even
+        let k = 0.1;
+        let off = (lattice.eigenvalues([k])[0] / (k * k) - 1.0).abs();
+        println!("order {order}: symbol at kδ = 0.51 off by {off:.1e}");
+        let even = 2 * order.div_ceil(2) as i32;
+        assert!(off < (k * 5.1f64).powi(even) && off > 1e-4 * (k * 5.1f64).powi(even), "{order} {off}");
+    }
+    let model = CorrectedCorrespondence::<_, _, _, 14> { law: LinearElastic, control: zero_energy::Isotropic::None, omega: One, order: 3 };
+    let (corners, _, _) = zeros(&Lattice::<2>::new(model, Stiffness::isotropic(SOLID, 0.0, section::<2>()), 3.1), 8);
+    assert_eq!(corners, 6);
 }

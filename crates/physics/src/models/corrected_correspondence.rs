@@ -63,6 +63,15 @@ pub const fn monomial_count(d: usize, order: usize) -> usize {
     count - 1
 }
 
+/// Number of monomials of whole degrees that `m` entries hold.
+const fn whole_degrees(d: usize, m: usize) -> usize {
+    let mut order = 0;
+    while monomial_count(d, order + 1) <= m {
+        order += 1;
+    }
+    monomial_count(d, order)
+}
+
 /// Largest order of a dimension.
 pub const LARGEST_ORDER: [usize; 3] = [10, 4, 3];
 
@@ -123,6 +132,10 @@ const fn triangular_root(size: usize) -> usize {
     }
     n
 }
+
+/// Largest ∫ |g||ξ| dV′, by which a correction multiplies what bonds do at random: a little more than the 2¹⁰ of ten points on one
+/// side. Families that would need more have a lower order.
+const LARGEST_AMPLIFICATION: f64 = 2000.0;
 
 /// What the reference family decides.
 #[derive(Clone, Copy, Debug)]
@@ -189,25 +202,27 @@ fn solve<const D: usize, const M: usize>(bonds: &[(Vector<f64, D>, f64)], order:
         independent = k + 1;
     }
     // in one dimension n neighbours support order n; in more a degree counts when all its monomials are there
-    let order = (0..=order).rev().find(|&n| used_at(n) <= independent).unwrap_or(0);
-    let n = used_at(order);
-    let mut coefficients = [[0.0; M]; D];
-    if order == 0 {
-        return (coefficients, 0);
-    }
-    for (d, c) in coefficients.iter_mut().enumerate() {
-        // Rᵀ y = e_d, then R c = y
-        let mut y = [0.0; M];
-        for k in 0..n {
-            let known: f64 = (0..k).map(|l| r[l][k] * y[l]).sum();
-            y[k] = (f64::from(u8::from(k == d)) - known) / r[k][k];
+    for order in (1..=order).rev().filter(|&n| used_at(n) <= independent) {
+        let n = used_at(order);
+        let mut coefficients = [[0.0; M]; D];
+        for (d, c) in coefficients.iter_mut().enumerate() {
+            // Rᵀ y = e_d, then R c = y
+            let mut y = [0.0; M];
+            for k in 0..n {
+                let known: f64 = (0..k).map(|l| r[l][k] * y[l]).sum();
+                y[k] = (f64::from(u8::from(k == d)) - known) / r[k][k];
+            }
+            for k in (0..n).rev() {
+                let known: f64 = (k + 1..n).map(|l| r[k][l] * c[l]).sum();
+                c[k] = (y[k] - known) / r[k][k];
+            }
         }
-        for k in (0..n).rev() {
-            let known: f64 = (k + 1..n).map(|l| r[k][l] * c[l]).sum();
-            c[k] = (y[k] - known) / r[k][k];
+        let amplification: f64 = bonds.iter().map(|(s, w)| w * weight(&coefficients, 1.0, n, *s).norm() * s.norm()).sum();
+        if amplification <= LARGEST_AMPLIFICATION {
+            return (coefficients, order);
         }
     }
-    (coefficients, order)
+    ([[0.0; M]; D], 0)
 }
 
 impl<L, Z, I: Influence, const M: usize> CorrectedCorrespondence<L, Z, I, M> {
@@ -234,12 +249,13 @@ impl<L, Z, I: Influence, const M: usize> CorrectedCorrespondence<L, Z, I, M> {
         )
     }
     #[inline(always)]
-    fn deformation<S: Scalar, A: Copy, const D: usize>(
+    fn deformation<'a, S: Scalar, A: Copy, const D: usize>(
         &self,
         rate: bool,
+        words: usize,
         shape: &CorrectedShape<A, D, M>,
-        h: Family<S, D>,
-    ) -> (Deformation<S::Sum, D>, Matrix<S::Sum, D>) {
+        h: Family<'a, S, D>,
+    ) -> (Deformation<'a, S::Sum, D>, Matrix<S::Sum, D>) {
         let (gradient, moment) = self.gradient(
             shape,
             h,
@@ -257,11 +273,12 @@ impl<L, Z, I: Influence, const M: usize> CorrectedCorrespondence<L, Z, I, M> {
         } else {
             Matrix::zero()
         };
-        (Deformation { gradient, rate, temperature: h.temperature(), time: h.time() }, moment)
+        (Deformation { gradient, rate, temperature: h.temperature(), time: h.time(), memory: h.history(words) }, moment)
     }
 }
 
 impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Material<D> for CorrectedCorrespondence<L, Z, I, M> {
+    const MEMORY: usize = L::MEMORY;
     const RATE: bool = L::RATE;
     const CONSERVATIVE: bool = L::HYPERELASTIC;
     const STORED_INFLUENCE: bool = I::STORED;
@@ -288,7 +305,7 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
     }
     #[inline(always)]
     fn state<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
-        let (f, moment) = self.deformation(L::RATE, shape, h);
+        let (f, moment) = self.deformation(L::RATE, L::MEMORY, shape, h);
         let p = self.law.first_piola(c, &f);
         // ∫ ω z ⊗ ξ dV′
         let rest = moment - f.gradient * shape.tensor.to();
@@ -309,17 +326,22 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
             || b.eta(),
         );
         // coefficients of monomials that are not in use are zero
-        (*q * weight(coefficients, *scale, M, xi) + *less_ah * xi + control) * self.omega.at(b)
+        (*q * weight(coefficients, *scale, const { whole_degrees(D, M) }, xi) + *less_ah * xi + control) * self.omega.at(b)
     }
     #[inline(always)]
     fn energy_density<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> S::Sum {
-        let (f, _) = self.deformation(L::RATE, shape, h);
+        let (f, _) = self.deformation(L::RATE, L::MEMORY, shape, h);
         let gradient: Matrix<S, D> = lift::<S, _, _>(&f.gradient);
         let control = h.integrate(
             #[inline(always)]
             |b| self.control.energy::<S>(&shape.control, b.eta() - gradient * b.xi()) * self.omega.at(b),
         );
         self.law.energy(c, &f) + control
+    }
+    fn commit(&self, c: &L::Constants, shape: &Self::Shape, h: Family<f64, D>, point: &mut [f64], _: &mut [&mut [f64]]) {
+        if L::MEMORY > 0 {
+            self.law.commit(c, &self.deformation(L::RATE, L::MEMORY, shape, h).0, point);
+        }
     }
     fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
         self.law.stiffness(c).out_of_plane_stress(s)

@@ -149,9 +149,11 @@ impl<const D: usize> Body<D> {
         let blocks = self.neighbor.len() / 8;
         self.membership = vec![0; planes * blocks];
         for i in 0..self.families() {
+            // padding repeats the last bond: it belongs to the lanes, not to the family
+            let own: Vec<usize> = self.slots(i).filter(|&s| (self.whole[s / 8] >> (s % 8)) & 1 == 1).collect();
             let bonds: Vec<(Vector<f64, D>, f64)> =
-                self.slots(i).map(|s| (Vector(self.xi(i, s)), self.volume(self.neighbor[s] as usize))).collect();
-            for (slot, sets) in self.slots(i).zip(partition.membership(&bonds, self.horizon[i])) {
+                own.iter().map(|&s| (Vector(self.xi(i, s)), self.volume(self.neighbor[s] as usize))).collect();
+            for (slot, sets) in own.into_iter().zip(partition.membership(&bonds, self.horizon[i])) {
                 for k in 0..planes {
                     self.membership[k * blocks + slot / 8] |= (sets >> k & 1) << (slot % 8);
                 }

@@ -6,8 +6,12 @@ use super::{Case, Model};
 use physics::constitutive::{KelvinVoigtConstants, NeoHookeanConstants};
 use physics::elasticity::{Isotropic, Section, Stiffness};
 use physics::influence::{Influence, One, Stored};
-use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
+use physics::models::{
+    BondBased, BondBasedConstants, CorrectedCorrespondence, Correspondence, EmptySubHorizon, LinearPeridynamicSolid,
+    LinearPeridynamicSolidConstants, SubHorizonCorrespondence,
+};
 use physics::stretch_law::{Bilinear, ElasticPlastic, Tabulated};
+use physics::sub_horizon::Partition;
 use physics::zero_energy::{self, Control, NoControl, Wan2019};
 
 /// E = 200 GPa, ν = 0.3.
@@ -44,6 +48,8 @@ pub struct Row<const D: usize> {
     pub conservative: bool,
     /// Words of history a bond keeps.
     pub words: usize,
+    /// How families are divided, and the number of sub-horizons that are stored.
+    pub partition: Option<(Partition, usize)>,
 }
 
 /// The sections of a dimension.
@@ -89,6 +95,18 @@ pub fn rows<const D: usize>() -> Vec<Row<D>> {
         let viscous = KelvinVoigtConstants { stiffness: iso, retardation_time: RETARDATION };
         law(&mut t, section, "Kelvin–Voigt", Any::KelvinVoigt(viscous), small, Some(local(Kind::Linear)));
         law(&mut t, section, "Almansi", Any::Almansi((STEEL, section)), finite, None);
+        for (name, c, rotation, local) in [
+            ("orthotropic", Any::Linear(timber), small, wood.linear(section)),
+            ("Saint-Venant–Kirchhoff", Any::SaintVenantKirchhoff(iso), finite, local(Kind::SaintVenantKirchhoff)),
+            ("neo-Hookean", Any::NeoHookean(soft), finite, local(Kind::NeoHookean)),
+            ("Kelvin–Voigt", Any::KelvinVoigt(viscous), small, local(Kind::Linear)),
+        ] {
+            divided(&mut t, section, name, c, rotation, &local);
+            // weights of both signs amplify the noise of the test's deformations until J < 0, where this law ends
+            if name != "neo-Hookean" {
+                higher_order(&mut t, section, name, c, rotation, &local);
+            }
+        }
         bonds(&mut t, section, "elastic", Stretch::Elastic);
         bonds(&mut t, section, "tension only", Stretch::TensionOnly);
         bonds(&mut t, section, "bilinear", Stretch::Bilinear(Bilinear { peak: 0.04, failure: 0.12 }));
@@ -147,9 +165,67 @@ fn correspondence<Z: Control<D>, I: Influence, const D: usize>(
         // a law known by its Cauchy stress has no thermal strain
         thermal: hyperelastic,
         viscous,
+        partition: None,
         local,
         model: Box::new(Case(model, c)),
     });
+}
+
+/// A law on sub-horizons: with half-lines, quadrants or octants, with empty ones that carry no energy, and with as many as each family
+/// can carry.
+fn divided<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, c: Any<D>, rotation: Rotation, local: &Local<D>) {
+    let (viscous, hyperelastic) = c.constants_of_the_law();
+    let mut row = |what: &str, partition, planes, model: Box<dyn Model<D>>, local: Option<Local<D>>| {
+        let thermal = hyperelastic && local.is_some();
+        t.push(Row {
+            name: format!("sub-horizons ({what}), {name}, {}", section_name(section)),
+            section,
+            rotation,
+            conservative: hyperelastic,
+            words: 0,
+            thermal,
+            viscous,
+            partition: Some((partition, planes)),
+            local,
+            model,
+        });
+    };
+    let eight = |empty| Box::new(Case(SubHorizonCorrespondence::<_, _, 8> { law: AnyLaw, omega: Stored, empty }, c));
+    row("between axes", Partition::Orthants, 8, eight(EmptySubHorizon::Renormalise), Some(local.clone()));
+    row("automatic", Partition::Automatic(8), 8, eight(EmptySubHorizon::Renormalise), Some(local.clone()));
+    if !viscous {
+        // an affine deformation has less than the law's energy where a sub-horizon is empty
+        let of = 1 << D;
+        row("between axes, empty ones without energy", Partition::Orthants, 8, eight(EmptySubHorizon::ZeroEnergy { of }), None);
+    }
+    if const { D == 2 } {
+        let four = SubHorizonCorrespondence::<_, _, 4> { law: AnyLaw, omega: One, empty: EmptySubHorizon::Renormalise };
+        row("four", Partition::Sectors(4), 4, Box::new(Case(four, c)), Some(local.clone()));
+    }
+}
+
+/// A law with corrected influence functions of several orders.
+fn higher_order<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, c: Any<D>, rotation: Rotation, local: &Local<D>) {
+    let (viscous, hyperelastic) = c.constants_of_the_law();
+    use zero_energy::Isotropic as Control;
+    for (order, control) in [(1, Control::None), (2, Control::Wan2019), (3, Control::Silling2017 { strength: 0.7 })] {
+        let (law, omega) = (AnyLaw, Stored);
+        // one type for all dimensions: as many monomials as the most of them need
+        let order = if D == 1 { 2 * order } else { order };
+        let model = Box::new(Case(CorrectedCorrespondence::<_, _, _, 19> { law, control, omega, order }, c));
+        t.push(Row {
+            name: format!("corrected, order {order}, {name}, {}", section_name(section)),
+            section,
+            rotation,
+            conservative: hyperelastic,
+            words: 0,
+            thermal: hyperelastic,
+            viscous,
+            partition: None,
+            local: Some(local.clone()),
+            model,
+        });
+    }
 }
 
 /// A bond law with every influence.
@@ -177,6 +253,7 @@ fn bond_based<I: Influence, const D: usize>(
         words: model.law.words(),
         thermal: false,
         viscous: false,
+        partition: None,
         local: None,
         model: Box::new(Case(model, c)),
     });
@@ -191,6 +268,7 @@ fn solid<I: Influence, const D: usize>(t: &mut Vec<Row<D>>, section: Section, om
         words: 0,
         thermal: false,
         viscous: false,
+        partition: None,
         local: None,
         model: Box::new(Case(LinearPeridynamicSolid { omega }, LinearPeridynamicSolidConstants::new(STEEL, section))),
     });

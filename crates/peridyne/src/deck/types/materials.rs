@@ -514,8 +514,9 @@ fn given(constants: [(&str, bool); 4]) -> Vec<&str> {
 
 const CONSTANTS_HELP: &str = "give two of `youngs_modulus`, `poisson_ratio`, `bulk_modulus`, `shear_modulus`";
 
+/// Young's modulus alone will do for a bar, which only the problem knows.
 fn check_two(given: &[&str], span: crate::deck::Span, cx: &mut Context) {
-    if given.len() != 2 {
+    if given.len() != 2 && *given != ["youngs_modulus"] {
         let found = if given.is_empty() {
             "none is".into()
         } else {
