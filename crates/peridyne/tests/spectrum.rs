@@ -61,11 +61,14 @@ fn any_deck_has_a_spectrum() {
     assert_eq!(head[..5], ["distance", "kx", "ky", "stiffness.1", "ratio.1"].map(String::from));
     // Γ-X-M-Γ: three legs of 60 without the two visits to Γ
     assert_eq!(rows.len(), 179);
-    // long waves travel as in the solid: shear and pressure waves of E = 72 GPa, ν = 0.2, ρ = 2500
+    // waves of k delta = 0.16 travel as in the solid but for some (k delta)²/10: shear and pressure waves of E = 72 GPa, ν = 0.2, ρ = 2500
     let column = |name: &str| head.iter().position(|h| h == name).unwrap();
     for (mode, modulus) in [(1, 30e9), (2, 80e9)] {
         let (local, phase) = (rows[0][column(&format!("local_velocity.{mode}"))], rows[0][column(&format!("phase_velocity.{mode}"))]);
-        assert!((local / f64::sqrt(modulus / 2500.0) - 1.0).abs() < 1e-12 && (phase / local - 1.0).abs() < 1e-3, "{local} {phase}");
+        assert!(
+            (local / f64::sqrt(modulus / 2500.0) - 1.0).abs() < 1e-12 && (1e-3..4e-3).contains(&(1.0 - phase / local)),
+            "{local} {phase}"
+        );
     }
     let out = folder.path().join("wan");
     let (text, _) = told("spectrum", &deck, &["--set", "control=wan_2019", "--out", out.to_str().unwrap()], 0);
@@ -193,28 +196,35 @@ fn threads_do_not_change_a_bit() {
 #[test]
 fn faults_are_told_with_their_places() {
     let folder = tempfile::tempdir().unwrap();
-    let spectrum = "{spectrum: {grid: 15, path: [gamma, m], waves: {none: 0, 'a b': [1, 0]}, stretch: [1.1, 1], threshold: 0, modes: -1,
+    let spectrum = "{spectrum: {path: [gamma, m], waves: {none: 0, 'a b': [1, 0]}, stretch: [1.1, 1], threshold: 0, modes: -1, at: [1, 2],
   imposed: {wave_numbers: [1], length: 1, along: y}}}";
     let deck = bar(folder.path(), "{a: {model: {bond_based: {youngs_modulus: 1}}}}", spectrum, &[("spectrum.smallest", 1.0, 1.0)]);
     let (_, message) = told("check", &deck, &[], 2);
     for part in [
-        "a grid of 15 misses the corners",
-        "16",
         "`m` does not exist in 1 dimensions",
         "the wave vector has 2 components",
         "does not fit a body of dimension 1",
         "must be positive",
+        "the position has 2 coordinates",
         "a whole number is needed",
     ] {
         assert!(message.contains(part), "{part} is missing in:\n{message}");
     }
-    let spectrum =
-        "{spectrum: {waves: {none: 0, 'a b': 1}, path: [gamma], stretch: -1, imposed: {wave_numbers: [1], length: 1, along: y}}}";
+    let spectrum = "{spectrum: {grid: 15, waves: {none: 0, 'a b': 1}, path: [gamma], imposed: {wave_numbers: [1], length: 1, along: y}}}";
     let deck = bar(folder.path(), "{a: {model: {bond_based: {youngs_modulus: 1}}}}", spectrum, &[("spectrum.smallest", 1.0, 1.0)]);
     let (_, message) = told("check", &deck, &[], 2);
-    for part in ["a rigid translation", "`a b` cannot be part", "two corners or more", "inside out", "has no axis y"] {
+    for part in
+        ["a rigid translation", "`a b` cannot be part", "two corners or more", "has no axis y", "a grid of 15 misses the corners", "16"]
+    {
         assert!(message.contains(part), "{part} is missing in:\n{message}");
     }
+    let deck = bar(
+        folder.path(),
+        "{a: {model: {bond_based: {youngs_modulus: 1}}}}",
+        "{spectrum: {stretch: -1}}",
+        &[("spectrum.smallest", 1.0, 1.0)],
+    );
+    assert!(told("check", &deck, &[], 2).1.contains("inside out"));
     // more modes than dofs are as many as there are; a quantity that does not exist is told with the nearest that does
     let deck = bar(
         folder.path(),
