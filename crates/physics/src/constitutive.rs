@@ -6,17 +6,21 @@ use crate::tensor::Matrix;
 
 mod almansi;
 mod hyperelastic;
+mod j2_plasticity;
 mod kelvin_voigt;
 mod linear_elastic;
 mod neo_hookean;
 mod saint_venant_kirchhoff;
+mod strain_law;
 
 pub use almansi::Almansi;
 pub use hyperelastic::{Hyperelastic, HyperelasticConstants};
+pub use j2_plasticity::{J2Plasticity, J2PlasticityConstants, PlasticityError};
 pub use kelvin_voigt::{KelvinVoigt, KelvinVoigtConstants};
 pub use linear_elastic::LinearElastic;
 pub use neo_hookean::{NeoHookean, NeoHookeanConstants};
 pub use saint_venant_kirchhoff::SaintVenantKirchhoff;
+pub use strain_law::{OfStrain, OfStrainConstants, Strain, StrainLaw, StrainMeasure};
 
 /// What a law may know of a point. The displacement gradient is given rather than F, so that small strains keep their
 /// digits and the reference state is exactly free of stress.

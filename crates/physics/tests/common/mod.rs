@@ -207,6 +207,13 @@ impl<const D: usize> Body<D> {
         self
     }
 
+    /// Words of history a point, all zeros: those of the undeformed body.
+    pub fn with_point_history(mut self, words: usize) -> Self {
+        self.memory_words = words;
+        self.memory = vec![0.0; words * self.families()];
+        self
+    }
+
     pub fn points(&self) -> usize {
         self.coordinates.len() / ROW
     }
@@ -443,12 +450,15 @@ where
     }
     fn commit(&self, body: &mut Body<D>, u: &[f64]) {
         let shapes = self.shapes(body);
+        let mut memory = body.memory.clone();
         let mut words: Vec<Vec<f64>> = body.bond_memory.chunks(body.neighbor.len()).map(<[f64]>::to_vec).collect();
         for (i, shape) in shapes.iter().enumerate() {
             let slots = body.slots(i);
             let mut bonds: Vec<&mut [f64]> = words.iter_mut().map(|w| &mut w[slots.clone()]).collect();
-            self.0.commit(&self.1, shape, Family::new(&body.view(u), i), &mut [], &mut bonds);
+            let point = &mut memory[i * body.memory_words..][..M::MEMORY];
+            self.0.commit(&self.1, shape, Family::new(&body.view(u), i), point, &mut bonds);
         }
+        body.memory = memory;
         body.bond_memory = words.concat();
     }
 }

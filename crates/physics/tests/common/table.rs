@@ -1,14 +1,16 @@
 //! The one table of models, laws, controls, sections and influences that every test of the contract asks.
 
-use super::any::{AnyConstants as Any, AnyLaw, AnyStretchLaw as Stretch};
+use super::any::{AnyConstants as Any, AnyLaw, AnyStrainConstants as AnyStrain, AnyStrainLaw, AnyStretchLaw as Stretch};
 use super::closed::{self, Local};
 use super::{Case, Model};
-use physics::constitutive::{KelvinVoigtConstants, NeoHookeanConstants};
+use physics::constitutive::{
+    J2Plasticity, J2PlasticityConstants, KelvinVoigtConstants, NeoHookeanConstants, OfStrain, OfStrainConstants, StrainLaw, StrainMeasure,
+};
 use physics::elasticity::{Isotropic, Section, Stiffness};
 use physics::influence::{Influence, One, Stored};
 use physics::models::{
-    BondBased, BondBasedConstants, CorrectedCorrespondence, Correspondence, EmptySubHorizon, LinearPeridynamicSolid,
-    LinearPeridynamicSolidConstants, SubHorizonCorrespondence,
+    BondBased, BondBasedConstants, BondStrainCalibration, CorrectedCorrespondence, Correspondence, EmptySubHorizon, ExtendedCorrespondence,
+    LinearPeridynamicSolid, LinearPeridynamicSolidConstants, SethHill, SubHorizonCorrespondence,
 };
 use physics::stretch_law::{Bilinear, ElasticPlastic, Tabulated};
 use physics::sub_horizon::Partition;
@@ -50,6 +52,10 @@ pub struct Row<const D: usize> {
     pub words: usize,
     /// How families are divided, and the number of sub-horizons that are stored.
     pub partition: Option<(Partition, usize)>,
+    /// Words of history a point keeps.
+    pub point_words: usize,
+    /// Whether a commit writes to the history of the points.
+    pub remembers: bool,
 }
 
 /// The sections of a dimension.
@@ -116,8 +122,82 @@ pub fn rows<const D: usize>() -> Vec<Row<D>> {
             solid(&mut t, section, One);
             solid(&mut t, section, Stored);
         }
+        plastic(&mut t, section, "small strain", StrainMeasure::Small, small);
+        plastic(&mut t, section, "logarithmic strain", StrainMeasure::Logarithmic, finite);
+        for m in [-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 0.7] {
+            for published in [false, true] {
+                for strength in [0.0, 0.8] {
+                    extended(&mut t, section, "linear elastic", AnyStrain::Linear(iso), m, published, strength);
+                }
+            }
+            extended(&mut t, section, "orthotropic", AnyStrain::Linear(timber), m, false, 0.8);
+            extended(&mut t, section, "J2 plastic", AnyStrain::Plastic(soft_metal(section)), m, false, 0.8);
+        }
     }
     t
+}
+
+/// Yields at strains of a few per cent, as the bodies of the tests have them.
+fn soft_metal(section: Section) -> J2PlasticityConstants {
+    J2PlasticityConstants::new(STEEL, 0.02 * STEEL.young, 0.1 * STEEL.young, EXPANSION, section).expect("a material")
+}
+
+/// Correspondence with J2 plasticity.
+fn plastic<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, measure: StrainMeasure, rotation: Rotation) {
+    let model =
+        Correspondence { law: OfStrain(J2Plasticity), control: zero_energy::Isotropic::Silling2017 { strength: 0.7 }, omega: Stored };
+    let c = OfStrainConstants { measure, law: soft_metal(section) };
+    t.push(Row {
+        name: format!("correspondence, J2 plastic, {name}, Silling2017, {}, stored influence", section_name(section)),
+        section,
+        rotation,
+        conservative: true,
+        words: 0,
+        point_words: <J2Plasticity as StrainLaw<D>>::MEMORY,
+        remembers: true,
+        thermal: true,
+        viscous: false,
+        partition: None,
+        local: None,
+        model: Box::new(Case(model, c)),
+    });
+    if const { D == 2 } {
+        let (law, empty) = (OfStrain(J2Plasticity), EmptySubHorizon::Renormalise);
+        t.push(Row {
+            name: format!("sub-horizons (four), J2 plastic, {name}, {}", section_name(section)),
+            section,
+            rotation,
+            conservative: true,
+            words: 0,
+            point_words: 4 * <J2Plasticity as StrainLaw<D>>::MEMORY,
+            remembers: true,
+            thermal: true,
+            viscous: false,
+            partition: Some((Partition::Orthants, 4)),
+            local: None,
+            model: Box::new(Case(SubHorizonCorrespondence::<_, _, 4> { law, omega: Stored, empty }, c)),
+        });
+    }
+}
+
+fn extended<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, c: AnyStrain<D>, m: f64, published: bool, control: f64) {
+    let calibration = if published { BondStrainCalibration::AsPublished } else { BondStrainCalibration::MomentTensor };
+    let exponent = SethHill::new(m).expect("a moderate exponent");
+    let model = ExtendedCorrespondence { law: AnyStrainLaw, exponent, calibration, control, omega: Stored };
+    t.push(Row {
+        name: format!("extended correspondence, {name}, m = {m}, {calibration:?}, control {control}, {}", section_name(section)),
+        section,
+        rotation: Rotation::Objective,
+        conservative: true,
+        words: 0,
+        point_words: <J2Plasticity as StrainLaw<D>>::MEMORY,
+        remembers: matches!(c, AnyStrain::Plastic(_)),
+        thermal: true,
+        viscous: false,
+        partition: None,
+        local: None,
+        model: Box::new(Case(model, c)),
+    });
 }
 
 /// A law with every control.
@@ -162,6 +242,8 @@ fn correspondence<Z: Control<D>, I: Influence, const D: usize>(
         rotation,
         conservative: hyperelastic,
         words: 0,
+        point_words: 0,
+        remembers: false,
         // a law known by its Cauchy stress has no thermal strain
         thermal: hyperelastic,
         viscous,
@@ -183,6 +265,8 @@ fn divided<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, c:
             rotation,
             conservative: hyperelastic,
             words: 0,
+            point_words: 0,
+            remembers: false,
             thermal,
             viscous,
             partition: Some((partition, planes)),
@@ -219,6 +303,8 @@ fn higher_order<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &st
             rotation,
             conservative: hyperelastic,
             words: 0,
+            point_words: 0,
+            remembers: false,
             thermal: hyperelastic,
             viscous,
             partition: None,
@@ -251,6 +337,8 @@ fn bond_based<I: Influence, const D: usize>(
         rotation: Rotation::Objective,
         conservative: true,
         words: model.law.words(),
+        point_words: 0,
+        remembers: false,
         thermal: false,
         viscous: false,
         partition: None,
@@ -266,6 +354,8 @@ fn solid<I: Influence, const D: usize>(t: &mut Vec<Row<D>>, section: Section, om
         rotation: Rotation::Objective,
         conservative: true,
         words: 0,
+        point_words: 0,
+        remembers: false,
         thermal: false,
         viscous: false,
         partition: None,
