@@ -53,8 +53,9 @@ fn stretched<M: Material<D>, const D: usize>(
     .unwrap();
     assert!(symbol.imbalance() < 1e-11, "{}", symbol.imbalance());
     assert!(symbol.reach() <= 2.0 * delta * (1.0 + 1e-9));
+    // relative to S, which for waves that cost little is far smaller than the couplings it sums
     for k in [[0.3, 0.2, 0.1], [2.0, -1.0, 0.7]] {
-        assert!(symbol.asymmetry(k) < 1e-12, "{}", symbol.asymmetry(k));
+        assert!(symbol.asymmetry(k) < 1e-11, "{}", symbol.asymmetry(k));
     }
     symbol
 }
