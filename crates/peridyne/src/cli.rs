@@ -5,6 +5,7 @@ use crate::output::summary::{Exit, Summary};
 use crate::problem::Problem;
 use crate::registry::{assemble, initial_state};
 use crate::run::{self, Progress, Quiet, RunError, Target};
+use crate::spectrum;
 use crate::verify;
 use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -48,6 +49,23 @@ enum Command {
     Check {
         /// The deck.
         deck: PathBuf,
+        /// Threads [default: all cores].
+        #[arg(long)]
+        threads: Option<usize>,
+        /// Replaces the value of a parameter.
+        #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+        set: Vec<(String, String)>,
+        /// One of the deck's runs.
+        #[arg(long)]
+        run: Option<String>,
+    },
+    /// Tell whether waves cost energy in a deck's models, how they travel, and the lowest modes of its body; whatever the deck's solver.
+    Spectrum {
+        /// The deck.
+        deck: PathBuf,
+        /// Folder for the results [default: the deck's name with `.spectrum`].
+        #[arg(long)]
+        out: Option<PathBuf>,
         /// Threads [default: all cores].
         #[arg(long)]
         threads: Option<usize>,
@@ -112,6 +130,7 @@ pub fn main() -> ExitCode {
     ExitCode::from(match arguments.command {
         Command::Run { deck, out, threads, set, run, quiet } => with_threads(threads, || run_deck(&deck, out, &set, run.as_deref(), quiet)),
         Command::Check { deck, threads, set, run } => with_threads(threads, || check_deck(&deck, &set, run.as_deref())),
+        Command::Spectrum { deck, out, threads, set, run } => with_threads(threads, || spectrum_of(&deck, out, &set, run.as_deref())),
         Command::Verify { paths, json, slow, threads } => with_threads(threads, || verify_decks(&paths, json.as_deref(), slow)),
         Command::Schema => print(&crate::deck::schema()),
         Command::New { path } => new_deck(&path),
@@ -168,15 +187,46 @@ impl Progress for Bar {
     }
 }
 
+/// `deck.out`, or `deck.run.out`.
+fn default_folder(path: &Path, name: Option<&str>, ending: &str) -> PathBuf {
+    let stem = path.file_stem().map_or_else(|| "deck".into(), |s| s.to_string_lossy().into_owned());
+    PathBuf::from(name.map_or_else(|| format!("{stem}.{ending}"), |n| format!("{stem}.{n}.{ending}")))
+}
+
+fn spectrum_of(path: &Path, out: Option<PathBuf>, set: &[(String, String)], name: Option<&str>) -> u8 {
+    let out = out.unwrap_or_else(|| default_folder(path, name, "spectrum"));
+    let made = Deck::load(path, set, name).and_then(Problem::new).and_then(|problem| {
+        let options = match &problem.deck.solver {
+            Solver::Spectrum(options) => options.into(),
+            _ => spectrum::Options::default(),
+        };
+        let mut assembly = assemble(&problem)?;
+        let report = spectrum::analyse(&problem, &mut *assembly.model, &options)?;
+        Ok((problem, report))
+    });
+    let (problem, report) = match made {
+        Ok(made) => made,
+        Err(e) => return show(&e),
+    };
+    println!("peridyne {}: {}", env!("CARGO_PKG_VERSION"), problem.deck.title.value);
+    for note in &report.notes {
+        eprintln!("note: {note}");
+    }
+    report.lines().iter().for_each(|line| println!("{line}"));
+    if let Err(e) = report.write(&problem, &out) {
+        eprintln!("error: {e}");
+        return 1;
+    }
+    println!("results in {}", out.display());
+    0
+}
+
 fn run_deck(path: &Path, out: Option<PathBuf>, set: &[(String, String)], name: Option<&str>, quiet: bool) -> u8 {
     let deck = match Deck::load(path, set, name) {
         Ok(deck) => deck,
         Err(e) => return show(&e),
     };
-    let out = out.unwrap_or_else(|| {
-        let stem = path.file_stem().map_or_else(|| "deck".into(), |s| s.to_string_lossy().into_owned());
-        PathBuf::from(name.map_or_else(|| format!("{stem}.out"), |n| format!("{stem}.{n}.out")))
-    });
+    let out = out.unwrap_or_else(|| default_folder(path, name, "out"));
     let title = deck.title.value.clone();
     let shown = std::io::stderr().is_terminal() && !quiet;
     if !quiet {
@@ -198,6 +248,9 @@ fn run_deck(path: &Path, out: Option<PathBuf>, set: &[(String, String)], name: O
         }
         Ok(outcome) => {
             close(&outcome.summary, &out, quiet);
+            if let (Some(report), false) = (&outcome.spectrum, quiet) {
+                report.lines().iter().for_each(|line| println!("{line}"));
+            }
             let failed = outcome.measurements.iter().any(|m| !m.passed);
             if !outcome.measurements.is_empty() {
                 println!("{:<44}{:>20}{:>20}{:>11}", "expected", "computed", "reference", "");
@@ -288,6 +341,9 @@ fn check_deck(path: &Path, set: &[(String, String)], name: Option<&str>) -> u8 {
     for w in &assembly.warnings {
         println!("warning: {w}");
     }
+    let (lines, warnings) = spectrum::quick(&problem);
+    lines.iter().for_each(|line| println!("  {line}"));
+    warnings.iter().for_each(|w| println!("warning: {w}"));
     if let Solver::VelocityVerlet(v) = &problem.deck.solver {
         assembly.model.set_statics(false);
         let (u, _) = initial_state(&problem);

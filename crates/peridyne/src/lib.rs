@@ -1,7 +1,7 @@
 //! Peridyne: a deck in, a verified result out.
 //!
 //! The way from a deck to its result: [`deck`] (as typed) → [`problem`] (validated) → [`registry`] (models and bodies) →
-//! [`run`] (solvers and observers) → [`output`] (fields, tables, pictures) and [`verify`].
+//! [`run`] (solvers and observers; [`spectrum`]: stability) → [`output`] (fields, tables, pictures) and [`verify`].
 #![forbid(unsafe_code)]
 
 pub mod cli;
@@ -11,4 +11,5 @@ pub mod point_file;
 pub mod problem;
 pub mod registry;
 pub mod run;
+pub mod spectrum;
 pub mod verify;

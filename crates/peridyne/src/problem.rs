@@ -32,6 +32,8 @@ pub struct Problem {
     pub hidden_bonds: usize,
     /// Pre-cracks.
     pub cracks: Option<Cracks>,
+    /// Where all constants of materials are taken, whatever the place of a point; `None`: each point has its own.
+    pub constants_at: Option<[f64; 3]>,
 }
 
 type Checked<T> = Result<T, Vec<Issue>>;
@@ -44,7 +46,7 @@ impl Problem {
     pub fn new(deck: Deck) -> Result<Self, DeckErrors> {
         Self::build(&deck).map_err(|issues| deck.errors(issues)).map(|(section, parts)| {
             let Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks } = parts;
-            Problem { deck, section, cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks }
+            Problem { deck, section, cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, constants_at: None }
         })
     }
 
@@ -136,6 +138,7 @@ impl Problem {
             Solver::VelocityVerlet(v) => v.end.map(|q| q.value),
             Solver::Statics(s) => Some(s.end.value),
             Solver::DynamicRelaxation(s) => Some(s.end.value),
+            Solver::Spectrum(_) => None,
         }
     }
 }
@@ -475,6 +478,7 @@ fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>
         Solver::VelocityVerlet(v) => v.end.map_or(1.0, |e| e.value),
         Solver::Statics(s) => s.end.value,
         Solver::DynamicRelaxation(s) => s.end.value,
+        Solver::Spectrum(_) => 1.0,
     };
     type Seen<'a> = BTreeMap<(u32, usize), (usize, &'a Condition)>;
     let mut seen: Seen = BTreeMap::new();

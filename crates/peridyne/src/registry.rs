@@ -150,6 +150,9 @@ impl Site<'_> {
     where
         C: Clone,
     {
+        if let Some(place) = self.problem.constants_at {
+            return at(place).map(Constants::Uniform).map_err(|i| vec![i]);
+        }
         let position = &self.problem.cloud.position;
         if uniform {
             return at(position[self.points.first().map_or(0, |&p| p as usize)]).map(Constants::Uniform).map_err(|i| vec![i]);
@@ -380,7 +383,11 @@ fn law<const D: usize>(site: &Site, law: &LawName) -> Checked<Law<D>> {
 
 fn check_bond_based_poisson(site: &Site, b: &deck::BondBased) -> Checked<()> {
     let (Some(given), Some(fixed)) = (&b.poisson_ratio, BondBasedConstants::poisson(site.problem.section)) else { return Ok(()) };
-    let wrong = site.points.iter().map(|&p| given.eval(site.problem.cloud.position[p as usize], 0.0)).find(|nu| (nu - fixed).abs() > 1e-6);
+    let wrong = site
+        .points
+        .iter()
+        .map(|&p| given.eval(site.problem.constants_at.unwrap_or(site.problem.cloud.position[p as usize]), 0.0))
+        .find(|nu| (nu - fixed).abs() > 1e-6);
     match wrong {
         None => Ok(()),
         Some(nu) => Err(vec![Issue::new(

@@ -9,6 +9,7 @@ use crate::output::vtkhdf::FieldFile;
 use crate::output::{Field, FieldValues, OutputError, Snapshot, color::ColorMap};
 use crate::problem::{Problem, axis_name};
 use crate::registry::{Assembly, assemble, initial_state};
+use crate::spectrum;
 use crate::verify::{Measurement, Pending};
 use bodies::measures::FieldName;
 use bodies::structure::Simulated;
@@ -55,6 +56,8 @@ pub struct Outcome {
     pub measurements: Vec<Measurement>,
     /// Whether the run reached its end.
     pub completed: bool,
+    /// What the solver `spectrum` found.
+    pub spectrum: Option<spectrum::Report>,
 }
 
 /// Where results go.
@@ -83,6 +86,7 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
     recorder.initial_energy = Some(start.kinetic + start.strain + start.contact);
     let solving = Instant::now();
     let mut solver_time = 0.0;
+    let mut found = None;
     let (exit, steps) = match &problem.deck.solver {
         Solver::VelocityVerlet(options) => {
             model.set_statics(false);
@@ -159,6 +163,16 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
             recorder.span = (0.0, options.end.value);
             statics(&mut *model, &program, &mut method, &mut u, &mut recorder, progress, cancel)
         }
+        Solver::Spectrum(options) => {
+            let report = spectrum::analyse(&problem, &mut *model, &options.into()).map_err(RunError::Deck)?;
+            if let Target::Folder(folder) = target {
+                report.write(&problem, folder)?;
+            }
+            recorder.found = report.quantities();
+            recorder.warnings.extend(report.notes.iter().cloned());
+            found = Some(report);
+            (Exit::Completed { time: 0.0 }, 0)
+        }
     };
     solver_time = solving.elapsed().as_secs_f64().max(solver_time) - recorder.seconds;
     let mut result = recorder.finish(&mut *model, &u, &exit)?;
@@ -211,7 +225,7 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
         summary.write(&folder.join("summary.json"))?;
     }
     let completed = matches!(exit, Exit::Completed { .. });
-    Ok(Outcome { summary, measurements: result.measurements, completed })
+    Ok(Outcome { summary, measurements: result.measurements, completed, spectrum: found })
 }
 
 fn motion_failure(e: &MotionError) -> String {
@@ -295,6 +309,8 @@ struct Recorder<'a> {
     seconds: f64,
     warnings: Vec<String>,
     failed: Option<OutputError>,
+    /// Scalars of the run as a whole, for expectations.
+    found: Vec<(String, f64)>,
 }
 
 impl<'a> Recorder<'a> {
@@ -368,6 +384,7 @@ impl<'a> Recorder<'a> {
             seconds: 0.0,
             warnings: vec![],
             failed: None,
+            found: vec![],
         })
     }
 
@@ -433,7 +450,7 @@ impl<'a> Recorder<'a> {
             return;
         }
         let row = self.scalars(model, step, t, u, v);
-        let scalars: BTreeMap<String, f64> = self.rows.columns.iter().cloned().zip(row).collect();
+        let scalars: BTreeMap<String, f64> = self.rows.columns.iter().cloned().zip(row).chain(self.found.iter().cloned()).collect();
         let rows = &self.rows;
         let earlier = |name: &str, time: f64| {
             let column = rows.columns.iter().position(|c| c == name)?;
