@@ -201,7 +201,8 @@ fn faults_of_single_combinations_name_them_and_nothing_is_run() {
     files(folder.path());
     let run = |text: &str| {
         let deck = write(folder.path(), "deck.yaml", text);
-        let output = Command::cargo_bin("peridyne").unwrap().arg("run").arg(&deck).current_dir(folder.path()).assert().code(2).get_output().clone();
+        let output =
+            Command::cargo_bin("peridyne").unwrap().arg("run").arg(&deck).current_dir(folder.path()).assert().code(2).get_output().clone();
         assert!(!folder.path().join("deck.out").exists());
         String::from_utf8(output.stderr).unwrap()
     };
@@ -237,7 +238,8 @@ fn a_study_runs_measures_and_draws() {
     files(folder.path());
     let deck = write(folder.path(), "deck.yaml", &bar(STUDY));
     let out = folder.path().join("out");
-    let output = Command::cargo_bin("peridyne").unwrap().arg("run").arg(&deck).arg("--out").arg(&out).assert().success().get_output().clone();
+    let output =
+        Command::cargo_bin("peridyne").unwrap().arg("run").arg(&deck).arg("--out").arg(&out).assert().success().get_output().clone();
     let text = String::from_utf8(output.stdout).unwrap();
     for part in ["6 of 6 runs", "3 of 6, m=1,n=80", "order of first against dx (m = 2)", "halved"] {
         assert!(text.contains(part), "{part} is missing in:\n{text}");

@@ -364,7 +364,8 @@ fn dashes(points: &[[f64; 2]], pattern: [f64; 4]) -> Vec<[[f64; 2]; 2]> {
             }
             left -= end - s;
             s = end;
-            if left <= 0.0 {
+            // what is left may be too short to move on by
+            if left <= 1e-6 {
                 place = (place + 1) % 4;
                 left = pattern[place];
             }

@@ -43,8 +43,14 @@ const PANEL: [usize; 2] = [800, 640];
 // Room around the pictures.
 const TOP: usize = 104;
 const EDGE: usize = 24;
+/// Least width of one picture.
+const SMALLEST: usize = 420;
 /// Height over width that the whole should have.
 const SHAPE: f64 = 0.62;
+
+fn largest(all: &[Canvas]) -> [usize; 2] {
+    [all.iter().map(Canvas::width).max().unwrap_or(0), all.iter().map(Canvas::height).max().unwrap_or(0)]
+}
 
 impl SideBySide<'_> {
     /// Ends of the colours, from all values.
@@ -85,34 +91,17 @@ impl SideBySide<'_> {
             return Err(OutputError::Drawing { what: format!("the figure `{}`", self.title), reason });
         }
         let (range, factor) = (self.range(), self.factor());
-        let drawn: Vec<Canvas> = self
-            .panels
-            .iter()
-            .map(|panel| {
-                let options = Options {
-                    title: Some(panel.title.to_string()),
-                    caption: None,
-                    range: Range::Fixed { min: range.0, max: range.1 },
-                    deformation: Deformation::Factor(factor),
-                    width: PANEL[0],
-                    height: PANEL[1],
-                    bar: false,
-                    ..self.options.clone()
-                };
-                let shown = Shown { name: &self.name, unit: self.unit.as_deref(), values: panel.values };
-                picture::draw(&panel.body, &shown, &options).map(|picture| picture.canvas)
-            })
-            .collect::<Result<_, _>>()?;
-        let cell = [drawn.iter().map(Canvas::width).max().unwrap_or(0), drawn.iter().map(Canvas::height).max().unwrap_or(0)];
+        let mut drawn = self.panels(PANEL, range, factor)?;
+        let mut cell = largest(&drawn);
         // bodies in one dimension show their values on the axis: colours need no bar there
         let bar = if self.panels.iter().all(|panel| panel.body.dimension == 1) { 0.0 } else { bar_width(range) };
         let count = drawn.len();
-        let size = |columns: usize| {
+        let size = |cell: [usize; 2], columns: usize| {
             let rows = count.div_ceil(columns);
             (2.0 * EDGE as f64 + (columns * cell[0]) as f64 + bar, (TOP + EDGE + rows * cell[1]) as f64)
         };
         let misfit = |columns: usize| {
-            let (width, height) = size(columns);
+            let (width, height) = size(cell, columns);
             // a picture that is alone in the last row leaves a hole
             let holes = columns * count.div_ceil(columns) - count;
             (height / (SHAPE * width)).ln().abs() + 0.2 * holes as f64
@@ -121,7 +110,12 @@ impl SideBySide<'_> {
             || (1..=count.min(4)).min_by(|&a, &b| misfit(a).total_cmp(&misfit(b))).unwrap_or(1),
             |columns| columns.clamp(1, count),
         );
-        let (width, height) = size(columns);
+        if columns > 2 {
+            // letters keep their size and must stay readable where the whole is as wide as a page
+            drawn = self.panels([(2 * PANEL[0] / columns).max(SMALLEST), PANEL[1]], range, factor)?;
+            cell = largest(&drawn);
+        }
+        let (width, height) = size(cell, columns);
         let mut canvas = Canvas::new(width.ceil() as usize, height.ceil() as usize);
         for (k, panel) in drawn.iter().enumerate() {
             canvas.paste(panel, EDGE + k % columns * cell[0], TOP + k / columns * cell[1]);
@@ -148,6 +142,25 @@ impl SideBySide<'_> {
             color_bar(&mut canvas, [width - bar, top + spare, bottom - spare], self.options.colors, range, &heading);
         }
         Ok(canvas)
+    }
+
+    /// The pictures, none larger than `most`.
+    fn panels(&self, most: [usize; 2], range: (f64, f64), factor: f64) -> Result<Vec<Canvas>, OutputError> {
+        let options = Options {
+            caption: None,
+            range: Range::Fixed { min: range.0, max: range.1 },
+            deformation: Deformation::Factor(factor),
+            width: most[0],
+            height: most[1],
+            bar: false,
+            ..self.options.clone()
+        };
+        let draw = |panel: &Panel<'_>| {
+            let shown = Shown { name: &self.name, unit: self.unit.as_deref(), values: panel.values };
+            let options = Options { title: Some(panel.title.to_string()), ..options.clone() };
+            picture::draw(&panel.body, &shown, &options).map(|picture| picture.canvas)
+        };
+        self.panels.iter().map(draw).collect()
     }
 
     /// Draws all pictures into a PNG file.

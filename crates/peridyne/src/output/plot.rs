@@ -267,11 +267,10 @@ impl Plot {
             && *hidden > 0
         {
             // never more than half of the picture
-            let width = place[2] - place[0];
-            frame.right = (width_of(self.width) - width - 24.0).max(0.5 * width_of(self.width));
+            let room = place[2] - place[0];
+            frame.right = (width - room - 54.0).max(0.5 * width);
             triangles = self.triangles(&frame);
-            *place = [frame.right + 18.0, frame.top, frame.right + 18.0 + width, frame.top + place[3] - place[1]];
-            frame.right -= 12.0;
+            *place = [frame.right + 30.0, frame.top, frame.right + 30.0 + room, frame.top + place[3] - place[1]];
         }
         let mut canvas = Canvas::new(self.width, self.height);
         let size = fitting_size(&self.title, TITLE_SIZE, frame.right - frame.left);
@@ -478,10 +477,6 @@ const HIDDEN_NAME: usize = 100;
 const LEGEND_PAD: f64 = 16.0;
 const LEGEND_SAMPLE: f64 = 64.0;
 const LEGEND_LINE: f64 = 36.0;
-
-fn width_of(pixels: usize) -> f64 {
-    pixels as f64
-}
 
 /// Whether a pixel lies in a box of left, top, right, bottom.
 fn inside(p: [f64; 2], [left, top, right, bottom]: [f64; 4]) -> bool {
