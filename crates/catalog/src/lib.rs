@@ -53,6 +53,7 @@ pub enum Law<const D: usize> {
 }
 
 /// A constitutive law that all kinematics take.
+#[allow(clippy::large_enum_variant)] // one for each material of a deck
 pub enum SmoothLaw<const D: usize> {
     /// One of the laws with an energy.
     Hyperelastic(Constants<HyperelasticConstants<D>>),
@@ -61,6 +62,7 @@ pub enum SmoothLaw<const D: usize> {
 }
 
 /// A law of a strain.
+#[allow(clippy::large_enum_variant)] // one for each material of a deck
 pub enum StrainLaw<const D: usize> {
     /// [`LinearElastic`].
     Elastic(Constants<Stiffness<D>>),

@@ -133,7 +133,7 @@ const fn triangular_root(size: usize) -> usize {
 
 /// Largest ∫ |g||ξ| dV′, by which a correction of order N multiplies what bonds do at random, over the 2ᴺ of N points on one side.
 /// Families that would need more have a lower order.
-const LARGEST_AMPLIFICATION: f64 = 4.0;
+pub const LARGEST_AMPLIFICATION: f64 = 2.0;
 
 /// What the reference family decides.
 #[derive(Clone, Copy, Debug)]

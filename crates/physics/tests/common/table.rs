@@ -52,6 +52,8 @@ pub struct Row<const D: usize> {
     pub words: usize,
     /// How families are divided, and the number of sub-horizons that are stored.
     pub partition: Option<(Partition, usize)>,
+    /// How much larger than their sum the terms of a gradient may be: its round-off is larger by as much.
+    pub amplification: f64,
     /// Words of history a point keeps.
     pub point_words: usize,
     /// Whether a commit writes to the history of the points.
@@ -153,6 +155,7 @@ fn plastic<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, me
         rotation,
         conservative: true,
         words: 0,
+        amplification: 1.0,
         point_words: <J2Plasticity as StrainLaw<D>>::MEMORY,
         remembers: true,
         thermal: true,
@@ -169,6 +172,7 @@ fn plastic<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, me
             rotation,
             conservative: true,
             words: 0,
+            amplification: 1.0,
             point_words: 4 * <J2Plasticity as StrainLaw<D>>::MEMORY,
             remembers: true,
             thermal: true,
@@ -190,6 +194,7 @@ fn extended<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, c
         rotation: Rotation::Objective,
         conservative: true,
         words: 0,
+        amplification: 1.0,
         point_words: <J2Plasticity as StrainLaw<D>>::MEMORY,
         remembers: matches!(c, AnyStrain::Plastic(_)),
         thermal: true,
@@ -242,6 +247,7 @@ fn correspondence<Z: Control<D>, I: Influence, const D: usize>(
         rotation,
         conservative: hyperelastic,
         words: 0,
+        amplification: 1.0,
         point_words: 0,
         remembers: false,
         // a law known by its Cauchy stress has no thermal strain
@@ -265,6 +271,7 @@ fn divided<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, c:
             rotation,
             conservative: hyperelastic,
             words: 0,
+            amplification: 1.0,
             point_words: 0,
             remembers: false,
             thermal,
@@ -303,6 +310,7 @@ fn higher_order<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &st
             rotation,
             conservative: hyperelastic,
             words: 0,
+            amplification: LARGEST_AMPLIFICATION * f64::powi(2.0, order as i32),
             point_words: 0,
             remembers: false,
             thermal: hyperelastic,
@@ -337,6 +345,7 @@ fn bond_based<I: Influence, const D: usize>(
         rotation: Rotation::Objective,
         conservative: true,
         words: model.law.words(),
+        amplification: 1.0,
         point_words: 0,
         remembers: false,
         thermal: false,
@@ -354,6 +363,7 @@ fn solid<I: Influence, const D: usize>(t: &mut Vec<Row<D>>, section: Section, om
         rotation: Rotation::Objective,
         conservative: true,
         words: 0,
+        amplification: 1.0,
         point_words: 0,
         remembers: false,
         thermal: false,

@@ -7,6 +7,7 @@ mod output;
 mod sets;
 mod solver;
 mod spectrum;
+mod study;
 
 pub use body::*;
 pub use conditions::*;
@@ -16,3 +17,4 @@ pub use output::*;
 pub use sets::*;
 pub use solver::*;
 pub use spectrum::*;
+pub use study::*;
