@@ -259,6 +259,9 @@ pub fn run_keeping(
         constants.push(Constant { name: "points released".into(), value: broken.released as f64, unit: String::new() });
         constants.push(Constant { name: "largest damage".into(), value: damage, unit: String::new() });
     }
+    if let Some(ratio) = model.closest_approach() {
+        constants.push(Constant { name: "smallest |Y|/|ξ|".into(), value: ratio, unit: String::new() });
+    }
     let mut all_warnings = warnings;
     all_warnings.append(&mut result.warnings);
     if model.held_points() > 0 {
