@@ -10,8 +10,8 @@ use std::collections::HashMap;
 /// How displacements continue behind a mirror plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parity {
-    /// Mirror images: the component along the normal changes its sign, all others do not. Clamped edges (with the edge held) and
-    /// planes of symmetry.
+    /// Mirror images: the component along the normal changes its sign (relative to that of the edge, so that the plane may move along
+    /// its normal), all others do not. Clamped edges (with the edge held) and planes of symmetry.
     Even,
     /// Turned about the point of the edge before them: `u' = 2 u_edge − u`, so that there is no curvature across the edge. Simply
     /// supported edges. Where the plane lies between rows of points, `u' = −u`.
@@ -318,14 +318,31 @@ impl Layout {
         Some(match plane.parity {
             Parity::Even => {
                 let mut sign = [1.0; D];
+                let mut normal = [0.0; D];
                 if D > 1 {
                     // reflection of directions along the axes; others were refused by `check_mirrors`
                     let k = axis_of(&self.rows[plane.row]);
                     if k < D {
-                        sign[k] = -1.0;
+                        (sign[k], normal[k]) = (-1.0, 2.0);
                     }
                 }
-                image.into_iter().map(|(q, w)| (q, std::array::from_fn(|c| sign[c] * w[c]))).collect()
+                let mut stencil: Vec<(u32, [f64; D])> =
+                    image.into_iter().map(|(q, w)| (q, std::array::from_fn(|c| sign[c] * w[c]))).collect();
+                // the plane moves with its edge
+                if normal.iter().any(|x| *x != 0.0)
+                    && plane.twice % 2 == 0
+                    && let Some(edge) = self.resolve::<D>(
+                        {
+                            let mut edge = cell;
+                            edge[plane.row] = plane.twice / 2;
+                            edge
+                        },
+                        depth - 1,
+                    )
+                {
+                    stencil.extend(edge.into_iter().map(|(q, w)| (q, std::array::from_fn(|c| normal[c] * w[c]))));
+                }
+                stencil
             }
             Parity::Odd => {
                 let mut stencil: Vec<(u32, [f64; D])> = image.into_iter().map(|(q, w)| (q, w.map(|x| -x))).collect();

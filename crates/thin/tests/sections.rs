@@ -15,7 +15,7 @@ fn integrals_of_known_sections() {
     close(p.second_moment, 0.3 * 0.125 / 12.0);
     close(p.plastic_modulus / p.elastic_modulus, 1.5);
     let p = Section::Tube { outer: 2.0, inner: 1.6 }.properties(5).unwrap();
-    close(p.area, PI * (1.0 - 0.64));
+    assert!((p.area / (PI * (1.0 - 0.64)) - 1.0).abs() < 1e-7);
     assert!((p.second_moment / (PI / 4.0 * (1.0 - 0.8f64.powi(4))) - 1.0).abs() < 1e-6);
     assert!((p.plastic_modulus / (4.0 / 3.0 * (1.0 - 0.8f64.powi(3))) - 1.0).abs() < 1e-6);
     let p = Section::I { width: 1.0, height: 2.0, web_width: 0.1, web_height: 1.6 }.properties(7).unwrap();
