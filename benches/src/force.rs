@@ -71,9 +71,9 @@ fn main() {
     let moved: Vec<f64> = order.order().iter().flat_map(|&p| u[3 * p as usize..3 * p as usize + 3].to_vec()).collect();
     let make = |part: &dyn Fn(&Body<3>) -> Box<dyn Part<3>>| {
         let g = Geometry { position: &sorted, volume: &volume, horizon: &horizon };
-        let mut body = Body::<3>::new(&g, false, |p, out: &mut Vec<Link>| {
+        let mut body = Body::<3>::new(&g, false, 0, |p, out: &mut Vec<Link>| {
             let neighbors = family(order.order()[p] as usize);
-            out.extend(neighbors.map(|q| Link { point: place.order()[q], flips: 0, end: position[q], weight: 1.0 }));
+            out.extend(neighbors.map(|q| Link { point: place.order()[q], flips: 0, end: position[q], weight: 1.0, sets: 0 }));
         });
         let part = part(&body);
         body.assign(vec![part]).expect("every family is regular");

@@ -155,6 +155,20 @@ impl<S: Scalar, const D: usize> Matrix<S, D> {
     }
 }
 
+impl<S: Scalar, const D: usize> Matrix<S, D> {
+    /// `A v + b`
+    #[inline(always)]
+    pub fn times_plus(self, v: Vector<S, D>, b: Vector<S, D>) -> Vector<S, D> {
+        let mut r = b;
+        for a in 0..D {
+            for k in 0..D {
+                r.0[a] = self.0[a][k].fma(v.0[k], r.0[a]);
+            }
+        }
+        r
+    }
+}
+
 impl<const D: usize> Matrix<f64, D> {
     /// The tensor over another number type.
     #[inline(always)]

@@ -57,6 +57,8 @@ pub struct Body<const D: usize> {
     /// Bits of the bonds before any broke.
     pub whole: Vec<u8>,
     pub intact: Vec<u8>,
+    /// Bits of the sub-horizons.
+    pub membership: Vec<u8>,
     pub memory: Vec<f64>,
     pub memory_words: usize,
     pub bond_memory: Vec<f64>,
@@ -92,6 +94,7 @@ impl<const D: usize> Body<D> {
             weight: vec![],
             intact: whole.clone(),
             whole,
+            membership: vec![],
             memory: vec![],
             memory_words: 0,
             bond_memory: vec![],
@@ -141,6 +144,21 @@ impl<const D: usize> Body<D> {
         Self::of_families(&points, &volumes, &vec![horizon; points.len()], &[(1..points.len()).collect()])
     }
 
+    /// Divides the families into sub-horizons, stored in `planes` planes.
+    pub fn divided(mut self, partition: physics::sub_horizon::Partition, planes: usize) -> Self {
+        let blocks = self.neighbor.len() / 8;
+        self.membership = vec![0; planes * blocks];
+        for i in 0..self.families() {
+            let bonds: Vec<(Vector<f64, D>, f64)> =
+                self.slots(i).map(|s| (Vector(self.xi(i, s)), self.volume(self.neighbor[s] as usize))).collect();
+            for (slot, sets) in self.slots(i).zip(partition.membership(&bonds, self.horizon[i])) {
+                for k in 0..planes {
+                    self.membership[k * blocks + slot / 8] |= (sets >> k & 1) << (slot % 8);
+                }
+            }
+        }
+        self
+    }
     /// Breaks the given share of the pairs, both directions.
     pub fn broken(mut self, share: f64) -> Self {
         for i in 0..self.families() {
@@ -257,6 +275,7 @@ impl<const D: usize> Body<D> {
             memory: &self.memory,
             memory_words: self.memory_words,
             bond_memory: &self.bond_memory,
+            membership: &self.membership,
         }
     }
 }

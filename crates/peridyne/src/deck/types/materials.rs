@@ -1,7 +1,7 @@
 //! `materials`: models, their constants, and damage.
-use crate::deck::decode::{Context, Decode, SetName, choice, section};
+use crate::deck::decode::{Context, Decode, SetName, Spanned, choice, section};
 use crate::deck::quantity::{
-    Angle, Any, BondRatio, Density, EnergyPerArea, Expansion, Field, Number, Pressure, Quantity, SpaceField, Stretch, Time,
+    Angle, Any, BondRatio, Count, Density, EnergyPerArea, Expansion, Field, Number, Pressure, Quantity, SpaceField, Stretch, Time,
 };
 use crate::deck::tree::{Content, Node};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -162,10 +162,72 @@ section! {
     pub struct Correspondence as "a correspondence model" {
         /// The law.
         law: Law,
-        /// How zero-energy modes are controlled.
-        control: Control = "wan_2019_objective",
+        /// How the deformation of a family becomes a deformation gradient.
+        kinematics: Kinematics = "whole_family",
+        /// How zero-energy modes are controlled; `wan_2019_objective` if not given, nothing where the kinematics have none.
+        control: Option<Spanned<Control>>,
         /// Weight of bonds by length.
         influence: Influence = "constant",
+    }
+}
+
+choice! {
+    /// How the deformation of a family becomes a deformation gradient.
+    pub enum Kinematics as "kinematics" {
+        /// One gradient for the whole family.
+        WholeFamily = "whole_family",
+        /// One gradient, exact for polynomials of a higher degree.
+        Corrected(Corrected) = "corrected",
+        /// A gradient for each part of the family; their energies are averaged. No zero-energy modes, so no control.
+        SubHorizons(SubHorizons) = "sub_horizons",
+    }
+}
+
+section! {
+    /// One gradient, exact for polynomials of a higher degree (Roy Chowdhury et al. 2019).
+    pub struct Corrected as "a corrected influence function" {
+        /// Degree of the polynomials; lower in families with too few bonds. Up to 10 in 1D, 4 in 2D, 3 in 3D.
+        order: Count,
+    }
+}
+
+section! {
+    /// Parts of the family (Roy Chowdhury et al. 2019).
+    pub struct SubHorizons as "sub-horizons" {
+        /// How families are divided.
+        partition: PartitionName = "automatic",
+        /// What becomes of a part with too few bonds.
+        empty_sub_horizon: EmptySubHorizonName = "renormalise",
+    }
+}
+
+choice! {
+    /// How families are divided. All parts are closed: bonds on a border belong to both sides.
+    pub enum PartitionName as "a partition" {
+        /// For each family as many parts as it can carry: up to 2 in 1D, 4 in 2D, 8 in 3D.
+        Automatic = "automatic",
+        /// The same with another upper limit.
+        AtMost(Count) = "at_most",
+        /// Equal intervals of a line (1D): 2, 4, 6 or 8.
+        Intervals(Count) = "intervals",
+        /// Four quadrants between the axes (2D).
+        Quadrants = "quadrants",
+        /// Sectors of equal angle (2D): 3 to 8.
+        Sectors(Count) = "sectors",
+        /// Eight octants between the axes (3D).
+        Octants = "octants",
+        /// Cones about directions spread over the sphere (3D): 4 to 8.
+        Cones(Count) = "cones",
+    }
+}
+
+choice! {
+    /// What becomes of a sub-horizon with too few bonds: near a surface, or behind a crack.
+    pub enum EmptySubHorizonName as "a rule for empty sub-horizons" {
+        /// The others share the whole energy.
+        Renormalise = "renormalise",
+        /// It carries no energy.
+        ZeroEnergy = "zero_energy",
     }
 }
 
