@@ -43,17 +43,14 @@ fn collapse(n: usize, nu: f64, far: f64) -> (f64, Vec<f64>, f64) {
 #[test]
 fn plastic_plate_collapses_and_comes_back_elastically() {
     let nu = 1.0 / 3.0;
-    let (ratio, loads, residual) = collapse(21, nu, 0.15);
-    println!("collapse at {ratio:.4} of 24 Mp/a², residual part {residual:.4}; loads {loads:.3?}");
+    let (ratio, loads, residual) = collapse(21, nu, 0.4);
+    println!("ν={nu:.3}: collapse at {ratio:.4} of 24 Mp/a², residual part {residual:.4}; loads {loads:.3?}");
     // a plateau
-    assert!((loads[19] / loads[18] - 1.0).abs() < 0.01, "{loads:?}");
-    // elastic at first
-    assert!((loads[0] / (0.0075 * 1.0) / (loads[1] / 0.015) - 1.0).abs() < 0.02);
-    assert!(residual > 0.5 && residual < 1.0);
-    for nu in [0.0, 0.2, 0.45] {
-        let (ratio, _, residual) = collapse(21, nu, 0.15);
-        println!("ν={nu}: {ratio:.4}, residual {residual:.4}");
-    }
+    assert!((loads[19] / loads[18] - 1.0).abs() < 0.004, "{loads:?}");
+    assert!(residual > 0.7 && residual < 1.0, "{residual}");
+    // pairs are stronger than the square criterion where both curvatures have one sign (at most 2/(1 + ν) = 1.5 times), and weaker in
+    // twist (4/(π (1 + ν)) = 0.95 times)
+    assert!((1.30..1.37).contains(&ratio), "{ratio}");
 }
 
 /// The double torsion specimen: what is there at multiples of the displacement of the first break.
@@ -76,6 +73,7 @@ fn double_torsion(notch: f64, multiples: &[f64]) -> Vec<(f64, usize, usize, f64)
     let mut s = brittle_structure(body, conditions(), 0.8);
     let solution = linear::solve(&mut s, 1.0, 2).unwrap();
     let first = 1.0 / s.body.most_loaded(&solution.u).unwrap().1;
+    println!("first break at {first:.6} times the limit angle");
     let mut u = vec![0.0; nx * ny];
     let mut seen = vec![];
     follow(&mut s, multiples.iter().map(|m| m * first).collect(), &mut u, |s, report, u| {

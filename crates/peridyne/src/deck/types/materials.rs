@@ -29,6 +29,17 @@ choice! {
         LinearPeridynamicSolid(LinearPeridynamicSolid) = "linear_peridynamic_solid",
         /// A law of continuum mechanics applied to the nonlocal deformation gradient.
         Correspondence(Correspondence) = "correspondence",
+        /// A beam of bond pairs: points on a line that resist bending.
+        BondPairBeam(super::thin::BondPairBeam) = "bond_pair_beam",
+        /// A plate of bond pairs: points on a plane that resist bending.
+        BondMultiplePlate(super::thin::BondMultiplePlate) = "bond_multiple_plate",
+    }
+}
+
+impl Model {
+    /// Whether it is one of thin bodies: a beam or a plate.
+    pub fn is_thin(&self) -> bool {
+        matches!(self, Model::BondPairBeam(_) | Model::BondMultiplePlate(_))
     }
 }
 

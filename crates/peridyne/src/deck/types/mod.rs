@@ -6,6 +6,7 @@ mod materials;
 mod output;
 mod sets;
 mod solver;
+mod thin;
 
 pub use body::*;
 pub use conditions::*;
@@ -14,3 +15,4 @@ pub use materials::*;
 pub use output::*;
 pub use sets::*;
 pub use solver::*;
+pub use thin::*;
