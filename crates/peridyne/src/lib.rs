@@ -10,6 +10,6 @@ pub mod output;
 pub mod point_file;
 pub mod problem;
 pub mod registry;
-mod thin_registry;
 pub mod run;
+mod thin_registry;
 pub mod verify;

@@ -285,9 +285,7 @@ fn generated(source: &Points, section: Section) -> Result<PointCloud, Issue> {
     }
     let shape = match source {
         Points::Line(s) => generate::Shape::Line { from: s.from.value - beyond, to: s.to.value + beyond },
-        Points::Rectangle(s) => {
-            generate::Shape::Rectangle { from: a2(&s.from).map(|x| x - beyond), to: a2(&s.to).map(|x| x + beyond) }
-        }
+        Points::Rectangle(s) => generate::Shape::Rectangle { from: a2(&s.from).map(|x| x - beyond), to: a2(&s.to).map(|x| x + beyond) },
         Points::Box(s) => generate::Shape::Box { from: a3(&s.from), to: a3(&s.to) },
         Points::Disc(s) => generate::Shape::Disc { centre: a2(&s.center), radius: s.radius.value, inner_radius: inner(&s.inner_radius) },
         Points::Cylinder(s) => {

@@ -531,8 +531,12 @@ impl<'a> Recorder<'a> {
         for p in self.problem.deck.output.pictures.iter().filter(|p| wanted(&p.time)) {
             let shown = component(model, &p.field, t, u, v);
             let name = p.name.as_ref().map_or_else(|| p.field.to_string().replace('.', "_"), |n| n.value.clone());
-            let body =
-                picture::Body { dimension: self.problem.section.dimension() + usize::from(self.problem.thin), reference: &self.reference, displacement, edge: &self.edge };
+            let body = picture::Body {
+                dimension: self.problem.section.dimension() + usize::from(self.problem.thin),
+                reference: &self.reference,
+                displacement,
+                edge: &self.edge,
+            };
             let label = p.field.to_string();
             let signed = shown.iter().any(|x| *x < 0.0) && shown.iter().any(|x| *x > 0.0);
             let damage = p.field.field.name() == "damage";

@@ -138,12 +138,9 @@ fn brittle(behavior: &PairBehavior) -> Option<Brittle> {
 fn section_of(s: &CrossSection) -> Section {
     match s {
         CrossSection::Rectangle(r) => Section::Rectangle { width: r.width.value, height: r.height.value },
-        CrossSection::I(i) => Section::I {
-            width: i.width.value,
-            height: i.height.value,
-            web_width: i.web_width.value,
-            web_height: i.web_height.value,
-        },
+        CrossSection::I(i) => {
+            Section::I { width: i.width.value, height: i.height.value, web_width: i.web_width.value, web_height: i.web_height.value }
+        }
         CrossSection::Tube(t) => Section::Tube { outer: t.outer.value, inner: t.inner.value },
         CrossSection::Profile(p) => {
             let width = p.width.clone();
@@ -163,7 +160,11 @@ fn beam<const D: usize>(problem: &Problem, material: &deck::Material, b: &BondPa
     let uneven = problem.horizon.iter().any(|h| (h / horizon - 1.0).abs() > 1e-9);
     if count == 0 || uneven {
         let span = problem.deck.body.horizon.span;
-        return Err(vec![Issue::new(span, "a beam needs one horizon of at least a spacing for all points", "write for example `horizon: 3*dx`")]);
+        return Err(vec![Issue::new(
+            span,
+            "a beam needs one horizon of at least a spacing for all points",
+            "write for example `horizon: 3*dx`",
+        )]);
     }
     let properties: Option<Properties> =
         b.cross_section.as_ref().map(|s| section_of(s).properties(count)).transpose().map_err(fault(b.span))?;
@@ -320,7 +321,8 @@ fn finish<const D: usize>(
         density: combine(&density, &across, |r, a| r * a),
     };
     let conditions = conditions(problem, &body)?;
-    let structure = ThinStructure::new(body, data, conditions, brittle, problem.end().unwrap_or(0.0)).map_err(fault(problem.deck.body.span))?;
+    let structure =
+        ThinStructure::new(body, data, conditions, brittle, problem.end().unwrap_or(0.0)).map_err(fault(problem.deck.body.span))?;
     Ok(Assembly { model: Box::new(structure), derived, warnings })
 }
 
@@ -363,7 +365,9 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
     }
     // what is held on a plane
     let on_plane = |normal: usize, at: f64| -> Vec<u32> {
-        (0..positions.len() as u32).filter(|&p| (positions[p as usize][normal] - at).abs() < 1e-4 * problem.cloud.spacing[p as usize]).collect()
+        (0..positions.len() as u32)
+            .filter(|&p| (positions[p as usize][normal] - at).abs() < 1e-4 * problem.cloud.spacing[p as usize])
+            .collect()
     };
     let hold = |name: String, points: Vec<u32>, which: &[usize]| Load::hold(&name, points, which);
     let across = if D == 1 { 0 } else { problem.section.dimension() };

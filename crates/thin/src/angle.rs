@@ -48,9 +48,7 @@ pub fn turning<const D: usize>(kinematics: Kinematics, arm: &[f64; 3], length: f
     if D == 1 {
         let (a, b) = (plus[0] / length, minus[0] / length);
         return match kinematics {
-            Kinematics::Small => {
-                Turning { angle: (plus[0] + minus[0]) / length, plus: [1.0 / length; D], minus: [1.0 / length; D] }
-            }
+            Kinematics::Small => Turning { angle: (plus[0] + minus[0]) / length, plus: [1.0 / length; D], minus: [1.0 / length; D] },
             Kinematics::Exact => Turning {
                 angle: a.atan() + b.atan(),
                 plus: [1.0 / (length * (1.0 + a * a)); D],

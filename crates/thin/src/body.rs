@@ -70,6 +70,10 @@ pub(crate) struct Scratch {
     vector: Vec<f64>,
     place: Vec<u32>,
     outer: Vec<f64>,
+    /// A row of weights over the members of a family, where it is not zero, and whether a member is in that list.
+    line: Vec<f64>,
+    touched: Vec<u32>,
+    marked: Vec<bool>,
 }
 
 impl Scratch {
@@ -591,7 +595,18 @@ impl<const D: usize> Thin<D> {
                     false => Default::default(),
                 };
                 let gradient = [t.plus, t.minus];
-                if diagonal != 0.0 || force != 0.0 {
+                if D == 1 && !curved {
+                    if diagonal != 0.0 {
+                        let both = t.plus[0] + t.minus[0];
+                        add_square(&mut s.line, &mut s.touched, &mut s.marked, width, diagonal, dense, |add| {
+                            for (end, g) in [(pair.plus, t.plus[0]), (pair.minus, t.minus[0]), (point as u32, -both)] {
+                                for (q, w) in self.ends.stencil(end) {
+                                    add(s.place[*q as usize], w[0] * g);
+                                }
+                            }
+                        });
+                    }
+                } else if diagonal != 0.0 || force != 0.0 {
                     let h = |sa: usize, i: usize, sb: usize, j: usize| {
                         diagonal * gradient[sa][i] * gradient[sb][j] + force * second[sa * D + i][sb * D + j]
                     };
@@ -784,40 +799,46 @@ impl<const D: usize> Thin<D> {
 
     /// Curvature of each point: least squares over its intact pairs, in lattice directions.
     pub fn curvatures(&self, u: &[f64]) -> Vec<Bending> {
-        self.per_point(|point, angles, _| {
-            let mut matrix = [[0.0; 3]; 3];
-            let mut right = [0.0; 3];
-            for (k, pair) in self.pairs_of(point).iter().enumerate() {
-                if !self.intact[self.starts[point] + k] {
-                    continue;
+        self.per_point(
+            |point, angles, _| {
+                let mut matrix = [[0.0; 3]; 3];
+                let mut right = [0.0; 3];
+                for (k, pair) in self.pairs_of(point).iter().enumerate() {
+                    if !self.intact[self.starts[point] + k] {
+                        continue;
+                    }
+                    let arm = &self.arms[pair.arm as usize];
+                    let [c, s] = arm.direction;
+                    let q = [c * c, s * s, 2.0 * c * s];
+                    let weight = pair.stiffness * arm.length * arm.length;
+                    for i in 0..3 {
+                        right[i] += weight * q[i] * angles[k] / arm.length;
+                        (0..3).for_each(|j| matrix[i][j] += weight * q[i] * q[j]);
+                    }
                 }
-                let arm = &self.arms[pair.arm as usize];
-                let [c, s] = arm.direction;
-                let q = [c * c, s * s, 2.0 * c * s];
-                let weight = pair.stiffness * arm.length * arm.length;
-                for i in 0..3 {
-                    right[i] += weight * q[i] * angles[k] / arm.length;
-                    (0..3).for_each(|j| matrix[i][j] += weight * q[i] * q[j]);
-                }
-            }
-            solve_3(matrix, right)
-        }, u)
+                solve_3(matrix, right)
+            },
+            u,
+        )
     }
 
     /// Moment of each point per width: the derivative of its energy density with curvature, in lattice directions.
     pub fn moments(&self, u: &[f64]) -> Vec<Bending> {
-        self.per_point(|point, _, forces| {
-            let mut moment = [0.0; 3];
-            for (pair, g) in self.pairs_of(point).iter().zip(forces) {
-                let arm = &self.arms[pair.arm as usize];
-                let [c, s] = arm.direction;
-                let m = g * arm.length / self.measure[point];
-                for (k, q) in [c * c, s * s, c * s].into_iter().enumerate() {
-                    moment[k] += m * q;
+        self.per_point(
+            |point, _, forces| {
+                let mut moment = [0.0; 3];
+                for (pair, g) in self.pairs_of(point).iter().zip(forces) {
+                    let arm = &self.arms[pair.arm as usize];
+                    let [c, s] = arm.direction;
+                    let m = g * arm.length / self.measure[point];
+                    for (k, q) in [c * c, s * s, c * s].into_iter().enumerate() {
+                        moment[k] += m * q;
+                    }
                 }
-            }
-            moment
-        }, u)
+                moment
+            },
+            u,
+        )
     }
 
     fn per_point(&self, of: impl Fn(usize, &[f64], &[f64]) -> Bending + Sync, u: &[f64]) -> Vec<Bending> {
@@ -857,6 +878,39 @@ fn push<const D: usize>(terms: &mut Vec<Term<D>>, term: Term<D>) {
     match terms.iter_mut().find(|t| t.0 == term.0 && t.2 == term.2) {
         Some(t) => (0..D).for_each(|c| t.1[c] += term.1[c]),
         None => terms.push(term),
+    }
+}
+
+/// Adds `factor v vᵀ` to a dense matrix for a sparse vector `v` given entry by entry.
+fn add_square(
+    line: &mut Vec<f64>,
+    touched: &mut Vec<u32>,
+    marked: &mut Vec<bool>,
+    width: usize,
+    factor: f64,
+    dense: &mut [f64],
+    entries: impl Fn(&mut dyn FnMut(u32, f64)),
+) {
+    if line.len() < width {
+        line.resize(width, 0.0);
+        marked.resize(width, false);
+    }
+    entries(&mut |at, weight| {
+        if !std::mem::replace(&mut marked[at as usize], true) {
+            touched.push(at);
+        }
+        line[at as usize] += weight;
+    });
+    for &a in touched.iter() {
+        let row = &mut dense[a as usize * width..][..width];
+        let scaled = factor * line[a as usize];
+        for &b in touched.iter() {
+            row[b as usize] += scaled * line[b as usize];
+        }
+    }
+    for a in touched.drain(..) {
+        line[a as usize] = 0.0;
+        marked[a as usize] = false;
     }
 }
 

@@ -148,7 +148,13 @@ impl Layout {
         Self::on_lattice(positions, 2, rows, normal, near.0.sqrt())
     }
 
-    fn on_lattice(positions: &[[f64; 3]], dimension: usize, rows: [[f64; 3]; 2], normal: [f64; 3], nearest: f64) -> Result<Self, ThinError> {
+    fn on_lattice(
+        positions: &[[f64; 3]],
+        dimension: usize,
+        rows: [[f64; 3]; 2],
+        normal: [f64; 3],
+        nearest: f64,
+    ) -> Result<Self, ThinError> {
         let origin = positions[0];
         let along = |x: &[f64; 3], row: usize| dot(&sub(x, &origin), &rows[row]);
         let mut spacing = [0.0; 2];
@@ -292,7 +298,11 @@ impl Layout {
                         let share = match (has(-1), has(1)) {
                             (true, true) => 1.0,
                             // a plane half a spacing beyond the point leaves it its whole cell
-                            (below, _) if self.planes.iter().any(|p| p.row == row && p.twice == 2 * c[row] + if below { 1 } else { -1 }) => 1.0,
+                            (below, _)
+                                if self.planes.iter().any(|p| p.row == row && p.twice == 2 * c[row] + if below { 1 } else { -1 }) =>
+                            {
+                                1.0
+                            }
                             _ => 0.5,
                         };
                         self.spacing[row] * share

@@ -115,7 +115,11 @@ impl PairFamily<'_> {
             if excess.abs() <= 1e-15 * (mean.abs() + sum.abs()) {
                 break;
             }
-            if excess > 0.0 { high = mean } else { low = mean }
+            if excess > 0.0 {
+                high = mean
+            } else {
+                low = mean
+            }
             let mut next = mean - excess / slope;
             if !(next > low && next < high) {
                 next = 0.5 * (low + high);

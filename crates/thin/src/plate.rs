@@ -201,7 +201,8 @@ impl Plate<'_> {
             let weight: Vec<f64> = present.iter().zip(&shape.factors).map(|(&k, s)| omega[k] * s).collect();
             let m: f64 = present.iter().zip(&weight).map(|(&k, w)| w * arms[k].length.powi(2)).sum();
             let d = at(self.rigidity, p);
-            let (stiffness, iso) = if shape.single_line { (d * (1.0 - nu * nu), 0.0) } else { (4.0 * d * (1.0 - nu), d * (3.0 * nu - 1.0)) };
+            let (stiffness, iso) =
+                if shape.single_line { (d * (1.0 - nu * nu), 0.0) } else { (4.0 * d * (1.0 - nu), d * (3.0 * nu - 1.0)) };
             // ν = 1/3 is written with as many digits as one likes
             isotropic[p] = if (3.0 * nu - 1.0).abs() < 1e-12 { 0.0 } else { measure[p] * iso };
             let m0: f64 = weight.iter().sum();

@@ -106,8 +106,7 @@ impl<const D: usize> ThinStructure<D> {
                     Action::Displacement => condition.points.iter().for_each(|&p| hold(p)),
                     Action::Mean => {
                         let Some(&kept) = condition.points.get(condition.points.len() / 2) else { continue };
-                        let others: Vec<(u32, f64)> =
-                            condition.points.iter().filter(|&&p| p != kept).map(|&p| (p, -1.0)).collect();
+                        let others: Vec<(u32, f64)> = condition.points.iter().filter(|&&p| p != kept).map(|&p| (p, -1.0)).collect();
                         body.substitute(kept, component, condition.points.len() as f64, &others);
                         hold(kept);
                     }
@@ -124,13 +123,11 @@ impl<const D: usize> ThinStructure<D> {
         // coordinates along the rows: for orderings
         let layout = body.layout();
         let d = layout.dimension;
-        let positions: Vec<f64> =
-            (0..n * d).map(|q| f64::from(layout.cell(q / d)[q % d]) * layout.spacing[q % d]).collect();
+        let positions: Vec<f64> = (0..n * d).map(|q| f64::from(layout.cell(q / d)[q % d]) * layout.spacing[q % d]).collect();
         let size = (0..d)
             .map(|k| {
-                let (lo, hi) = (0..n).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| {
-                    (a.min(positions[p * d + k]), b.max(positions[p * d + k]))
-                });
+                let (lo, hi) =
+                    (0..n).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| (a.min(positions[p * d + k]), b.max(positions[p * d + k])));
                 hi - lo
             })
             .fold(0.0, f64::hypot);
@@ -259,7 +256,8 @@ impl<const D: usize> ThinStructure<D> {
         let worst = found.iter().fold(0.0f64, |m, f| m.max(f.1));
         let limit = if all { 0.0 } else { worst * brittle.batch.min(1.0) * (1.0 - 1e-9) };
         let broken = self.body.break_pairs(found.into_iter().filter(|f| f.1 >= limit).map(|f| f.0));
-        self.broken.bonds += broken;
+        // counted as the two bonds of a pair, as everywhere
+        self.broken.bonds += 2 * broken;
         broken
     }
 

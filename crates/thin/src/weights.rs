@@ -40,8 +40,7 @@ pub struct Correction {
 /// The fourth-moment correction: factors `s_j = 1 + q_j·λ` that make `Σ A_j s_j n n n n` isotropic, `A_j = ω_j V_j ξ_j²`, `q = (c⁴, c³s, c²s²,
 /// cs³, s⁴)`. The energy of every uniform curvature, and of every uniform strain, is then exact.
 pub fn fourth_moment_correction(directions: &[[f64; 2]], a: &[f64]) -> Correction {
-    let q: Vec<[f64; 5]> =
-        directions.iter().map(|[c, s]| [c.powi(4), c.powi(3) * s, c * c * s * s, c * s.powi(3), s.powi(4)]).collect();
+    let q: Vec<[f64; 5]> = directions.iter().map(|[c, s]| [c.powi(4), c.powi(3) * s, c * c * s * s, c * s.powi(3), s.powi(4)]).collect();
     let total: f64 = a.iter().sum();
     let mut matrix = vec![0.0; 25];
     let mut target = [3.0 / 8.0, 0.0, 1.0 / 8.0, 0.0, 3.0 / 8.0].map(|x| x * total);

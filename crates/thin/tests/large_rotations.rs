@@ -132,7 +132,8 @@ fn forces_and_tangents_of_bodies() {
         check::<1>("plate", plate(nu).build(layout()).unwrap(), 0.02);
         check::<3>("plate in space", plate(nu).build(layout()).unwrap(), 0.01);
     }
-    let yielding = Plate { limit: thin::plate::Limit::Layers(&[2.0]), law: thin::pairs::Law::NonlinearElastic, ..plate_of(3.0 / 8.0, 0.0, true) };
+    let yielding =
+        Plate { limit: thin::plate::Limit::Layers(&[2.0]), law: thin::pairs::Law::NonlinearElastic, ..plate_of(3.0 / 8.0, 0.0, true) };
     check::<1>("yielding plate", yielding.build(layout()).unwrap(), 0.02);
     let tense = Plate { tension: Some([3.0, -1.0, 0.5]), ..plate(0.2) };
     check::<1>("plate under tension", tense.build(layout()).unwrap(), 0.02);

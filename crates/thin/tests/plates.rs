@@ -59,11 +59,9 @@ fn uncorrected() {
 
 #[test]
 fn corrected() {
-    for (m, printed) in [
-        (1.5, ["1.00786", "1.00196", "1.00049"]),
-        (2.0, ["1.01022", "1.00255", "1.00064"]),
-        (3.0, ["1.03556", "1.00881", "1.00220"]),
-    ] {
+    for (m, printed) in
+        [(1.5, ["1.00786", "1.00196", "1.00049"]), (2.0, ["1.01022", "1.00255", "1.00064"]), (3.0, ["1.03556", "1.00881", "1.00220"])]
+    {
         let ratios: Vec<f64> = [20, 40, 80].into_iter().map(|n| ratio(n, m, 1.0 / 3.0, true)).collect();
         println!("m={m}: {ratios:?}");
         for (r, p) in ratios.iter().zip(printed) {
@@ -121,7 +119,9 @@ fn anisotropy_of_lattices() {
         }
         // corrected: exact, but for m = 1, which cannot be corrected
         let body: Thin<1> = plate_of(m * h, 1.0 / 3.0, true).build(Layout::plane(&square(n)).unwrap()).unwrap();
-        for (k, e) in [([1.0, 0.0, 0.0], 1.0), ([0.0, 0.0, 1.0], 4.0 / 3.0), ([1.0, -1.0, 0.3], 4.0 / 3.0 * 1.09), ([1.0, 1.0, 0.0], 8.0 / 3.0)] {
+        for (k, e) in
+            [([1.0, 0.0, 0.0], 1.0), ([0.0, 0.0, 1.0], 4.0 / 3.0), ([1.0, -1.0, 0.3], 4.0 / 3.0 * 1.09), ([1.0, 1.0, 0.0], 8.0 / 3.0)]
+        {
             let u: Vec<f64> = square(n).iter().map(|x| 0.5 * k[0] * x[0] * x[0] + 0.5 * k[1] * x[1] * x[1] + k[2] * x[0] * x[1]).collect();
             let found = 2.0 * body.family_energies(&u)[n * n / 2] / (h * h);
             assert!(m == 1.0 || (found / e - 1.0).abs() < 1e-11, "m={m} {k:?}: {found} {e}");
@@ -243,10 +243,9 @@ fn tension_in_the_plane() {
     for (tension, exact) in [(10.0, 0.794205), (20.0, 0.657841), (40.0, 0.488452), (100.0, 0.272890), (-10.0, 1.346009)] {
         assert!((series(tension) / series(0.0) - exact).abs() < 1e-6);
     }
-    for (m, printed) in [
-        (3.0, [".792034", ".654843", ".485098", ".270129", "1.352194"]),
-        (6.0, [".794978", ".658892", ".489599", ".273807", "1.343726"]),
-    ] {
+    for (m, printed) in
+        [(3.0, [".792034", ".654843", ".485098", ".270129", "1.352194"]), (6.0, [".794978", ".658892", ".489599", ".273807", "1.343726"])]
+    {
         let n = 80;
         let without = plate_of(m / n as f64, 1.0 / 3.0, false);
         let zero = centre(&deflections(&without, n + 1, Parity::Odd, &ALL), n + 1);

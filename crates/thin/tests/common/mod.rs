@@ -41,15 +41,7 @@ pub fn mirror(axis: usize, at: f64, parity: Parity) -> Mirror {
 }
 
 pub fn beam_of<'a>(arms: &'a ArmTable) -> Beam<'a> {
-    Beam {
-        bending: &[1.0],
-        axial: None,
-        arms,
-        limit_curvature: None,
-        law: ELASTIC,
-        kinematics: Kinematics::Small,
-        measure: None,
-    }
+    Beam { bending: &[1.0], axial: None, arms, limit_curvature: None, law: ELASTIC, kinematics: Kinematics::Small, measure: None }
 }
 
 pub fn plate_of<'a>(horizon: f64, poisson: f64, correction: bool) -> Plate<'a> {
@@ -70,7 +62,11 @@ pub fn plate_of<'a>(horizon: f64, poisson: f64, correction: bool) -> Plate<'a> {
 }
 
 /// A load per length or area on all points.
-pub fn pressure<const D: usize>(body: &Thin<D>, component: usize, value: impl Fn([f64; 3], f64) -> f64 + Send + Sync + 'static) -> Condition {
+pub fn pressure<const D: usize>(
+    body: &Thin<D>,
+    component: usize,
+    value: impl Fn([f64; 3], f64) -> f64 + Send + Sync + 'static,
+) -> Condition {
     let points = (0..body.points() as u32).collect();
     Condition::new("pressure", Action::Force { weights: body.measure().to_vec() }, points, component, value)
 }

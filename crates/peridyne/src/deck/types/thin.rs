@@ -330,7 +330,11 @@ fn check_edge(edge: &Edge, cx: &mut Context) {
 fn dimension_is(name: &str, dimension: usize, span: crate::deck::Span, cx: &mut Context) {
     cx.thin = true;
     if let Some(found) = cx.dimension.filter(|d| *d != dimension) {
-        cx.fault(span, format!("`{name}` is for {dimension}D, but the body has dimension {found}"), format!("write `dimension: {dimension}` in the body"));
+        cx.fault(
+            span,
+            format!("`{name}` is for {dimension}D, but the body has dimension {found}"),
+            format!("write `dimension: {dimension}` in the body"),
+        );
     }
 }
 
@@ -391,4 +395,3 @@ fn check_limits(behavior: &PairBehavior, given: &[Option<crate::deck::Span>], na
         (_, [_, second, ..]) => cx.fault(*second, "the limit is given twice", "keep one"),
     }
 }
-
