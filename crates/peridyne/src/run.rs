@@ -186,7 +186,7 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
     all_warnings.append(&mut result.warnings);
     if lost_digits > LOST_DIGITS {
         all_warnings.push(format!(
-            "the stiffness is so ill-conditioned that linear solutions have a relative error of about {lost_digits:.0e}; that of beams and plates grows with the fourth power of the number of points: use fewer"
+            "the stiffness is so ill-conditioned that linear solutions have a relative error of at least {lost_digits:.0e}; the condition number of beams and plates grows with the fourth power of the number of points: use fewer"
         ));
     }
     if model.held_points() > 0 {
