@@ -641,7 +641,9 @@ pub trait Simulated: Dynamics + Statics + Send {
     /// Points of floating fragments that are held (statics).
     fn held_points(&self) -> usize;
     /// Smallest |Y|/|ξ| that an explicit run came to, where bonds resist collapse and it was watched.
-    fn closest_approach(&self) -> Option<f64>;
+    fn closest_approach(&self) -> Option<f64> {
+        None
+    }
 }
 
 impl<const D: usize> Simulated for Structure<D> {

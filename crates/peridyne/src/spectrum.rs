@@ -247,6 +247,7 @@ fn patch_problem(problem: &Problem, material: usize, lattice: &Lattice, typical:
         neighbors,
         hidden_bonds: 0,
         cracks: None,
+        thin: false,
         constants_at: Some(place),
         cloud,
     };
