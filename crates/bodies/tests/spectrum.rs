@@ -279,7 +279,7 @@ fn lattices_of_any_spacing_and_direction() {
     let turned = Lattice { axes: [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]], ..straight };
     let model = Correspondence { law: LinearElastic, control: Wan2019, omega: One };
     let constants = Stiffness::isotropic(SOLID, 0.0, section::<2>());
-    let [a, b] = [&straight, &turned].map(|l| stretched::<_, 2>(model.clone(), constants, l, 1.05, [1.0; 2]));
+    let [a, b] = [&straight, &turned].map(|l| stretched::<_, 2>(model, constants, l, 1.05, [1.0; 2]));
     for f in [[0.3, 0.2, 0.0], [1.0, 0.5, 0.0], [1.0, 1.0, 0.0]] {
         let (x, y) = (a.branches(wave_vector(&straight, 2, f)), b.branches(wave_vector(&turned, 2, f)));
         for (x, y) in x.iter().zip(&y) {

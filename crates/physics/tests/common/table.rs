@@ -10,7 +10,7 @@ use physics::elasticity::{Isotropic, Section, Stiffness};
 use physics::influence::{Influence, One, Stored};
 use physics::models::{
     BondBased, BondBasedConstants, BondStrainCalibration, CorrectedCorrespondence, Correspondence, EmptySubHorizon, ExtendedCorrespondence,
-    LinearPeridynamicSolid, LinearPeridynamicSolidConstants, SethHill, SubHorizonCorrespondence,
+    LARGEST_AMPLIFICATION, LinearPeridynamicSolid, LinearPeridynamicSolidConstants, SethHill, SubHorizonCorrespondence,
 };
 use physics::stretch_law::{Bilinear, ElasticPlastic, Tabulated};
 use physics::sub_horizon::Partition;
