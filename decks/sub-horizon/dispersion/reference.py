@@ -15,10 +15,6 @@ def lattice(d, horizon):
     return xi[(r > 0) & (r <= horizon * (1 + 1e-9))]
 
 
-def halves(xi):
-    return [xi[:, 0] > 0, xi[:, 0] < 0]
-
-
 def intervals(horizon, number):
     edges = np.linspace(-horizon, horizon, number + 1)
     return lambda xi: [(xi[:, 0] >= a - 1e-9) & (xi[:, 0] <= b + 1e-9) for a, b in zip(edges, edges[1:])]
@@ -27,7 +23,7 @@ def intervals(horizon, number):
 def symbol(k, horizon, d, c, split, control=None):
     """The d x d matrix of a wave exp(i k.x), per volume."""
     xi = lattice(d, horizon)
-    members = [m for m in split(xi) if m.any()]
+    members = [m for m in split(xi) if rank(xi[m]) == d]  # the others are dropped
     result = np.zeros((d, d), complex)
     for m in members:
         b = xi[m]
@@ -44,6 +40,10 @@ def symbol(k, horizon, d, c, split, control=None):
             z = wave - b @ g
             result += np.sum(np.abs(z) ** 2) * a
     return result
+
+
+def rank(bonds):
+    return np.linalg.matrix_rank(bonds, tol=1e-6) if len(bonds) else 0
 
 
 def speeds(k, symbol_value):
