@@ -33,8 +33,34 @@ def points():
     return i[keep], j[keep]
 
 
-def gradients(i, j, ratio, kind):
-    """Rows of d/dx and d/dy for every sub-horizon of every point, and the weight 1/N_SH of each row."""
+def covered(i, j, a, b, reach=0.999, steps=2000):
+    """Whether every place of the segments (i, j) to (i + a, j + b) lies within `reach` spacings of a point."""
+    index = np.zeros((180, 100), bool)
+    index[i + 90, j + 50] = True
+    seen = np.full(len(i), True)
+    near = np.flatnonzero(np.abs(i + 0.5) + np.abs(j + 0.5) < 26)
+    t = np.arange(steps + 1) / steps
+    x, y = i[near, None] + t * a, j[near, None] + t * b
+    close = np.full(x.shape, False)
+    for s in (-1, 0, 1, 2):
+        for q in (-1, 0, 1, 2):
+            p, r = np.floor(x).astype(int) + s, np.floor(y).astype(int) + q
+            close |= index[p + 90, r + 50] & (np.hypot(x - p, y - r) <= reach)
+    seen[near] = close.all(axis=1)
+    return seen
+
+
+def diamond(i, j, a, b, half=20.0):
+    """Whether the segments stay out of the diamond |x| + |y| < half (in spacings): its edges are where a corner of the sum lies."""
+    x, y = i + 0.5, j + 0.5
+    t = [np.zeros(len(i)), np.ones(len(i))]
+    t += [np.clip(-x / a, 0, 1)] if a else []
+    t += [np.clip(-y / b, 0, 1)] if b else []
+    return np.min([np.abs(x + s * a) + np.abs(y + s * b) for s in t], axis=0) >= half - 1e-9
+
+
+def gradients(i, j, ratio, kind, sees=None):
+    """Rows of d/dx and d/dy for every sub-horizon of every point, and the weight 1/N_SH of each row; `sees` keeps bonds."""
     index = -np.ones((160, 80), int)
     index[i + 80, j + 40] = np.arange(len(i))
     reach = ratio * np.sqrt(2) * (1 + 1e-9)
@@ -45,6 +71,9 @@ def gradients(i, j, ratio, kind):
     p, q = i[:, None] + a + 80, j[:, None] + b + 40
     there = (p >= 0) & (p < 160) & (q >= 0) & (q < 80)
     other = np.where(there, index[np.clip(p, 0, 159), np.clip(q, 0, 79)], -1)
+    if sees is not None:
+        for k in range(len(a)):
+            other[~sees(i, j, a[k], b[k]), k] = -1
     rows = []
     for member in KINDS[kind]:
         w = ((other >= 0) & member(a, b)).astype(float)
@@ -68,10 +97,10 @@ def sparse(other, good, g):
     return row - csr_matrix((np.asarray(row.sum(axis=1)).ravel(), (range(n), range(n))), shape=(n, n))
 
 
-def solve(ratio, kind):
+def solve(ratio, kind, sees=None):
     i, j = points()
     n = len(i)
-    other, rows, number = gradients(i, j, ratio, kind)
+    other, rows, number = gradients(i, j, ratio, kind, sees)
     xx = xy = yy = yx = 0
     for good, gx, gy in rows:
         w = np.where(good, DX * DX / number, 0)
@@ -128,3 +157,6 @@ if __name__ == "__main__":
                 f"L2 to local {distance:.3e} ({time.time() - start:.0f} s)",
                 flush=True,
             )
+    for name, sees in (("balls of 0.999 spacings", covered), ("the diamond of half diagonal H/4", diamond)):
+        _, _, _, reaction = solve(3.1, "closed quadrants", sees)
+        print(f"3.1 closed quadrants, bonds cut by {name}: reaction {reaction:.3f} N/m")
