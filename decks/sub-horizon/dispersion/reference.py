@@ -5,6 +5,8 @@ import sys
 import numpy as np
 
 sys.path.insert(0, "..")
+sys.path.insert(0, "../../papers/chowdhury2019")
+from bar import correction
 from correspondence import full, orthants, sectors, stiffness_tensor
 
 
@@ -20,7 +22,17 @@ def intervals(horizon, number):
     return lambda xi: [(xi[:, 0] >= a - 1e-9) & (xi[:, 0] <= b + 1e-9) for a, b in zip(edges, edges[1:])]
 
 
-def symbol(k, horizon, d, c, split, control=None):
+def corrected(order):
+    """1D: weights C(s) s / sum s^2 of the bonds."""
+
+    def weights(xi, horizon):
+        offsets = [int(o) for o in xi[:, 0]]
+        return np.array([float(v) for v in correction(offsets, horizon, order)])[:, None]
+
+    return weights
+
+
+def symbol(k, horizon, d, c, split, control=None, weights=None):
     """The d x d matrix of a wave exp(i k.x), per volume."""
     xi = lattice(d, horizon)
     members = [m for m in split(xi) if rank(xi[m]) == d]  # the others are dropped
@@ -29,7 +41,7 @@ def symbol(k, horizon, d, c, split, control=None):
         b = xi[m]
         inverse = np.linalg.inv(b.T @ b)
         wave = np.exp(1j * b @ k) - 1
-        g = inverse @ (b.T @ wave)
+        g = inverse @ ((b if weights is None else b * weights(b, horizon)).T @ wave)
         result += np.einsum("j,ijkl,l->ik", g.conj(), c, g) / len(members)
         if control is not None:
             if control == "wan":
@@ -54,17 +66,26 @@ if __name__ == "__main__":
     c1 = np.ones((1, 1, 1, 1))
     print("1D, delta = 5.1: lowest symbol in the zone and where (k in pi), symbol at pi, speed at k delta = 1")
     k = np.linspace(0.02, 1, 491) * np.pi
-    for name, split, control in (
-        ("conventional", full, None),
-        ("wan", full, "wan"),
-        ("silling-1", full, 1.0),
-        ("silling-0.1", full, 0.1),
-        ("two", intervals(5.1, 2), None),
-        ("four", intervals(5.1, 4), None),
+    for name, split, control, weights in (
+        ("conventional", full, None, None),
+        ("corrected-4", full, None, corrected(4)),
+        ("corrected-6", full, None, corrected(6)),
+        ("wan", full, "wan", None),
+        ("silling-1", full, 1.0, None),
+        ("silling-0.1", full, 0.1, None),
+        ("two", intervals(5.1, 2), None, None),
+        ("four", intervals(5.1, 4), None, None),
     ):
-        ratio = np.array([symbol(np.array([q]), 5.1, 1, c1, split, control)[0, 0].real / q**2 for q in k])
-        q = np.array([1 / 5.1])
-        print(f"  {name}: {ratio.min():.3e} at {k[ratio.argmin()] / np.pi:.3f}, {symbol(np.array([np.pi]), 5.1, 1, c1, split, control)[0, 0].real:.6e}, {speeds(q, symbol(q, 5.1, 1, c1, split, control))[0]:.6f}")
+        value = lambda q: symbol(np.array([q]), 5.1, 1, c1, split, control, weights)[0, 0].real
+        ratio = np.array([value(q) / q**2 for q in k])
+        half = np.sqrt(value(np.pi / 2)) / (np.pi / 2)
+        print(f"  {name}: {ratio.min():.6e} at {k[ratio.argmin()] / np.pi:.3f}, {value(np.pi):.6e}, {np.sqrt(value(1 / 5.1)) * 5.1:.6f}, at pi/2 {half:.6f}")
+    for m in (10, 100, 1000, 10000):
+        text = []
+        for count, split in ((1, full), (2, intervals(m, 2)), (4, intervals(m, 4))):
+            q = np.pi / 2
+            text.append(f"{m**2 * symbol(np.array([q]), m, 1, c1, split)[0, 0].real:.6f}")
+        print(f"  delta = {m} dx, k = pi / 2 dx: delta^2 symbol / E with 1, 2, 4 sub-horizons: " + ", ".join(text))
     c2 = stiffness_tensor(1.0, 0.25, 2)
     longitudinal, transverse = np.sqrt(c2[0, 0, 0, 0]), np.sqrt(c2[0, 1, 0, 1])
     for h in (1.1 * np.sqrt(2), 3.1 * np.sqrt(2)):
