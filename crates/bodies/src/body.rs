@@ -48,8 +48,9 @@ pub struct Body<const D: usize> {
 }
 
 impl<const D: usize> Body<D> {
-    /// Cuts the points into chunks and builds their arrays. `links` gives the family of a point (sorted index).
-    pub fn new(g: &Geometry, weighted: bool, links: impl Fn(usize, &mut Vec<Link>) + Sync) -> Self {
+    /// Cuts the points into chunks and builds their arrays. `links` gives the family of a point (sorted index). The bonds store their
+    /// influence where it is `weighted`, and their place in as many `sub_horizons`.
+    pub fn new(g: &Geometry, weighted: bool, sub_horizons: usize, links: impl Fn(usize, &mut Vec<Link>) + Sync) -> Self {
         let points = g.position.len();
         let chunk_points = points.div_ceil(CHUNKS).clamp(*CHUNK_POINTS.start(), *CHUNK_POINTS.end());
         let chunks: Vec<Chunk<D>> = (0..points.div_ceil(chunk_points))
@@ -59,7 +60,7 @@ impl<const D: usize> Body<D> {
                 |seen, k| {
                     let first = k * chunk_points;
                     let owned = chunk_points.min(points - first);
-                    Chunk::new(first, owned, g.position, g.volume, g.horizon, weighted, &links, seen)
+                    Chunk::new(first, owned, g.position, g.volume, g.horizon, weighted, sub_horizons, &links, seen)
                 },
             )
             .collect();
@@ -112,6 +113,10 @@ impl<const D: usize> Body<D> {
         let (b, p) = self.chunks.iter().map(Chunk::bytes).fold((0, 0), |a, c| (a.0 + c.0, a.1 + c.1));
         let exchange: usize = self.inflow.iter().flatten().map(|i| i.pairs.len() * 12).sum();
         (b, p + exchange + self.points * 32, self.parts.iter().map(|q| q.bytes()).sum())
+    }
+    /// What the shapes of each material had to do without, and in how many families.
+    pub fn shortfalls(&self) -> Vec<(String, &'static str, usize)> {
+        self.parts.iter().flat_map(|p| p.shortfalls().into_iter().map(|(what, n)| (p.name().to_string(), what, n))).collect()
     }
     /// Whether the force is the derivative of an energy.
     pub fn is_conservative(&self) -> bool {

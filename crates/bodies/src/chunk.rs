@@ -14,6 +14,8 @@ pub struct Link {
     pub end: [f64; 3],
     /// Influence ω, where it is not constant.
     pub weight: f64,
+    /// Sub-horizons the bond belongs to, one bit each, where the family has any.
+    pub sets: u8,
 }
 
 /// Rows of numbers that begin at a cache line, so that no row of 32 bytes lies across two: such loads and stores take twice as long.
@@ -70,6 +72,8 @@ pub struct Chunk<const D: usize> {
     pub(crate) length: Vec<f64>,
     pub(crate) weight: Vec<f64>,
     pub(crate) intact: Vec<u8>,
+    /// One bit a bond slot for each sub-horizon, one sub-horizon after the other.
+    pub(crate) membership: Vec<u8>,
     pub(crate) temperature: Vec<f64>,
     pub(crate) displacement: Rows,
     pub(crate) velocity: Rows,
@@ -93,6 +97,7 @@ impl<const D: usize> Chunk<D> {
         volume: &[f64],
         horizon: &[f64],
         weighted: bool,
+        sub_horizons: usize,
         links: impl Fn(usize, &mut Vec<Link>),
         seen: &mut [u32],
     ) -> Self {
@@ -109,6 +114,7 @@ impl<const D: usize> Chunk<D> {
             length: vec![],
             weight: vec![],
             intact: vec![],
+            membership: vec![],
             temperature: vec![],
             displacement: Rows::default(),
             velocity: Rows::default(),
@@ -127,6 +133,7 @@ impl<const D: usize> Chunk<D> {
         // mirror images are rare: a map of their own
         let mut images = std::collections::HashMap::new();
         let mut family = vec![];
+        let mut sets = vec![];
         for p in first..first + owned {
             family.clear();
             links(p, &mut family);
@@ -150,6 +157,9 @@ impl<const D: usize> Chunk<D> {
                 if weighted {
                     c.weight.push(link.weight);
                 }
+                if sub_horizons > 0 {
+                    sets.push(link.sets);
+                }
             }
             // the last block is filled with copies of the last bond, so that every lane computes with sane numbers
             let slots = c.neighbor.len().next_multiple_of(8);
@@ -163,9 +173,16 @@ impl<const D: usize> Chunk<D> {
                 if weighted {
                     c.weight.resize(slots, *c.weight.last().expect("as many as neighbours"));
                 }
+                if sub_horizons > 0 {
+                    sets.resize(slots, 0);
+                }
             }
             c.start.push(slots as u32);
         }
+        // from a byte a bond to a bit a bond and sub-horizon: the lanes of eight bonds then come as one byte
+        c.membership = (0..sub_horizons)
+            .flat_map(|k| sets.chunks(8).map(move |block: &[u8]| (0..8).fold(0, |m, l| m | (block[l] >> k & 1) << l)))
+            .collect();
         for p in &c.points {
             seen[*p as usize] = u32::MAX;
         }
@@ -205,6 +222,7 @@ impl<const D: usize> Chunk<D> {
             length: &self.length,
             weight: &self.weight,
             intact: &self.intact,
+            membership: &self.membership,
             memory: &self.memory,
             memory_words: self.memory_words,
             bond_memory: &self.bond_memory,
@@ -250,7 +268,10 @@ impl<const D: usize> Chunk<D> {
 
     /// Bytes held for bonds and for points.
     pub(crate) fn bytes(&self) -> (usize, usize) {
-        let bonds = self.neighbor.len() * 4 + (self.length.len() + self.weight.len() + self.bond_memory.len()) * 8 + self.intact.len();
+        let bonds = self.neighbor.len() * 4
+            + (self.length.len() + self.weight.len() + self.bond_memory.len()) * 8
+            + self.intact.len()
+            + self.membership.len();
         let rows = self.coordinates.len() + self.displacement.len() + self.velocity.len() + self.force.len();
         let dual = (self.dual_displacement.len() + self.dual_force.len()) * 16;
         let points = (rows + self.horizon.len() + self.temperature.len() + self.memory.len()) * 8

@@ -6,6 +6,7 @@ use physics::lanes::{Kernel, widest};
 use physics::material::Material;
 use physics::scalar::{Dual, Jet, ROW, Record, Scalar, VOLUME_WORD, lift};
 use physics::tensor::{Linear, Matrix, Vector};
+use std::collections::BTreeMap;
 
 /// Derivatives taken at a time when a family's stiffness is computed.
 pub(crate) const SEEDS: usize = 8;
@@ -72,6 +73,10 @@ pub trait Part<const D: usize>: Send + Sync {
     fn gathers(&self) -> bool;
     /// The state of an owned point of a pairwise model.
     fn state_word(&self, chunk: usize, point: usize, c: &Configuration<f64>) -> f64;
+    /// Sub-horizons whose membership the bonds must store.
+    fn sub_horizons(&self) -> usize;
+    /// What the shapes had to do without, and in how many families.
+    fn shortfalls(&self) -> BTreeMap<&'static str, usize>;
     /// Bytes of shapes and constants.
     fn bytes(&self) -> usize;
 }
@@ -237,6 +242,16 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     }
     fn stores_influence(&self) -> bool {
         M::STORED_INFLUENCE
+    }
+    fn sub_horizons(&self) -> usize {
+        M::SUB_HORIZONS
+    }
+    fn shortfalls(&self) -> BTreeMap<&'static str, usize> {
+        let mut all = BTreeMap::new();
+        for what in self.shapes.iter().flatten().filter_map(|s| self.material.shortfall(s)) {
+            *all.entry(what).or_default() += 1;
+        }
+        all
     }
     fn points(&self, chunk: usize) -> &[u32] {
         &self.points[chunk].1

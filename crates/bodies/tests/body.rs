@@ -25,12 +25,13 @@ fn body(position: &[[f64; 3]], horizon: f64, mirrors: &[Mirror], correspondence:
     let (volume, horizons, spacing) = (vec![1.0; n], vec![horizon; n], vec![1.0; n]);
     let found = neighbors_with_mirrors(position, 2, &spacing, &horizons, mirrors).unwrap();
     let g = Geometry { position, volume: &volume, horizon: &horizons };
-    let mut body = Body::<2>::new(&g, false, |p, out: &mut Vec<Link>| {
+    let mut body = Body::<2>::new(&g, false, 0, |p, out: &mut Vec<Link>| {
         out.extend(found.bonds_of(p).map(|b| Link {
             point: found.index[b],
             flips: found.flips_of(b),
             end: found.end(position, p, b),
             weight: 1.0,
+            sets: 0,
         }));
     });
     let points: Vec<u32> = (0..n as u32).collect();

@@ -1,26 +1,30 @@
 //! From names to types: the only place that matches on models, laws, controls and dimension.
 
 use crate::deck::{
-    self, BondLaw, Calibration, Condition, Control, Criterion as CriterionName, DeckErrors, Influence as InfluenceName, Issue,
-    Law as LawName,
+    self, BondLaw, Calibration, Condition, Criterion as CriterionName, DeckErrors, Influence as InfluenceName, Issue, Law as LawName,
+    Orientation, SpaceField, ThermalExpansion,
 };
-use crate::deck::{Model, Orientation, SpaceField, ThermalExpansion};
 use crate::problem::Problem;
 use bodies::body::{Body, Geometry};
 use bodies::chunk::Link;
 use bodies::damage::Criterion;
 use bodies::loads::{self, Field, Kind, Wall};
-use bodies::part::{Assigned, Constants, Part};
+use bodies::part::{Constants, Part};
 use bodies::structure::{Failure, Parts, Simulated, Structure, Temperature};
-use physics::constitutive::{self, FromCauchy, Hyperelastic, HyperelasticConstants, KelvinVoigtConstants, NeoHookeanConstants};
+use catalog::{BondStrains, Catalog, Compiled, Control, Law, Model, Place, SmoothLaw, StrainLaw};
+use physics::constitutive::{
+    HyperelasticConstants, J2PlasticityConstants, KelvinVoigtConstants, NeoHookeanConstants, OfStrainConstants, StrainMeasure,
+};
 use physics::elasticity::{self, Isotropic, Section, Stiffness};
 use physics::failure::{CrackPlane, continuum_critical_bond_energy, continuum_critical_stretch, crossing_energy};
-use physics::influence::{Influence, One, Radial, Stored};
-use physics::material::Material;
-use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
-use physics::stretch_law::{Bilinear, Elastic, ElasticPlastic, Nonlinear, Tabulated};
+use physics::influence::Radial;
+use physics::models::{
+    BondBasedConstants, BondStrainCalibration, EmptySubHorizon, LARGEST_ORDER, LinearPeridynamicSolidConstants, SethHill,
+};
+use physics::stretch_law::{Bilinear, ElasticPlastic, Nonlinear, Tabulated};
+use physics::sub_horizon::Partition;
 use physics::tensor::Vector;
-use physics::zero_energy::{self, Wan2019};
+use physics::zero_energy;
 
 /// A constant that was derived from the deck: name, value, unit (of the deck's system).
 pub type Derived = (String, f64, &'static str);
@@ -50,28 +54,38 @@ pub fn assemble(problem: &Problem) -> Result<Assembly, DeckErrors> {
 
 type Checked<T> = Result<T, Vec<Issue>>;
 
-fn build<const D: usize>(problem: &Problem) -> Checked<Assembly> {
+fn build<const D: usize>(problem: &Problem) -> Checked<Assembly>
+where
+    Catalog: Compiled<D>,
+{
     let (cloud, deck) = (&problem.cloud, &problem.deck);
     let n = cloud.len();
     let materials: Vec<&deck::Material> = deck.materials.iter().map(|(_, m)| m).collect();
     let weighted = materials.iter().any(|m| stores_influence(problem, m));
     let weights = Weights::new(problem);
+    // one number for the body: a family of fewer sub-horizons leaves the others empty
+    let sub_horizons = materials.iter().map(|m| planes(m, D)).max().unwrap_or(0);
     let geometry = Geometry { position: &cloud.position, volume: &cloud.volume, horizon: &problem.horizon };
     let found = &problem.neighbors;
-    let mut body = Body::<D>::new(&geometry, weighted, |p, out: &mut Vec<Link>| {
+    let mut body = Body::<D>::new(&geometry, weighted, sub_horizons, |p, out: &mut Vec<Link>| {
         for b in found.bonds_of(p) {
             let end = found.end(&cloud.position, p, b);
-            out.push(Link { point: found.index[b], flips: found.flips_of(b), end, weight: 1.0 });
+            out.push(Link { point: found.index[b], flips: found.flips_of(b), end, weight: 1.0, sets: 0 });
         }
         if weighted {
             weights.fill::<D>(problem, materials[problem.material[p] as usize], p, out);
+        }
+        if sub_horizons > 0 {
+            divide::<D>(problem, materials[problem.material[p] as usize], p, out);
         }
     });
     let mut parts: Vec<Box<dyn Part<D>>> = vec![];
     for (m, (name, material)) in deck.materials.iter().enumerate() {
         let points: Vec<u32> = (0..n as u32).filter(|&p| problem.material[p as usize] == m as u32).collect();
-        let site = Site { problem, material, name: &name.value, points: &points, body: &body };
-        parts.push(part::<D>(&site)?);
+        let site = Site { problem, material, points: &points };
+        let weighted = stores_influence(problem, material);
+        let place = Place { name: &name.value, points: &points, chunks: body.chunks(), weighted, sub_horizons };
+        parts.push(Catalog::part(model::<D>(&site)?, &place));
     }
     if let Err(singular) = body.assign(parts) {
         let p = singular[0];
@@ -89,6 +103,9 @@ fn build<const D: usize>(problem: &Problem) -> Checked<Assembly> {
     let mut derived = vec![];
     let mut warnings = vec![];
     let mut failure = vec![];
+    for (material, what, families) in body.shortfalls() {
+        derived.push((format!("{material}: {what}"), families as f64, ""));
+    }
     for (m, (name, material)) in deck.materials.iter().enumerate() {
         if let Some(damage) = &material.damage {
             let more = thresholds(problem, &body, m as u32, &name.value, material, damage, &mut derived)?;
@@ -117,28 +134,25 @@ fn build<const D: usize>(problem: &Problem) -> Checked<Assembly> {
         (0..n).map(|p| materials[problem.material[p] as usize].density.as_ref().map_or(1.0, |d| d.eval(cloud.position[p], 0.0))).collect();
     let parts = Parts { id: cloud.id.clone(), user: problem.user.clone(), material: problem.material.clone(), density };
     let structure = Structure::new(body, parts, conditions, temperature, failure, problem.end().unwrap_or(0.0));
-    Ok(Assembly { model: Box::new(structure), derived, warnings })
+    Ok(Assembly { model: Catalog::simulated(structure), derived, warnings })
 }
 
-/// Where a part is made: a material of the deck and its points.
-struct Site<'a, const D: usize> {
+/// Where a model is made: a material of the deck and its points.
+struct Site<'a> {
     problem: &'a Problem,
     material: &'a deck::Material,
-    name: &'a str,
     points: &'a [u32],
-    body: &'a Body<D>,
 }
 
-impl<const D: usize> Site<'_, D> {
-    /// The part of a model: with the influence stored or constant.
-    fn assign<M: Material<D>>(&self, model: M, constants: Constants<M::Constants>) -> Box<dyn Part<D>> {
-        Box::new(Assigned::new(self.name, model, constants, self.points, self.body.chunks()))
-    }
+impl Site<'_> {
     /// Constants per point, or one for all where nothing depends on the place.
     fn constants<C>(&self, uniform: bool, at: impl Fn([f64; 3]) -> Result<C, Issue>) -> Checked<Constants<C>>
     where
         C: Clone,
     {
+        if let Some(place) = self.problem.constants_at {
+            return at(place).map(Constants::Uniform).map_err(|i| vec![i]);
+        }
         let position = &self.problem.cloud.position;
         if uniform {
             return at(position[self.points.first().map_or(0, |&p| p as usize)]).map(Constants::Uniform).map_err(|i| vec![i]);
@@ -159,21 +173,18 @@ impl<const D: usize> Site<'_, D> {
     }
 }
 
-/// The types that models are compiled for. Where speed matters (elastic bonds, the linear solid, hyperelastic correspondence) a
-/// constant influence is a type of its own; elsewhere, and in one dimension, it is stored.
-fn part<const D: usize>(site: &Site<D>) -> Checked<Box<dyn Part<D>>> {
+/// The model of a material, with its constants.
+fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
     let section = site.problem.section;
-    let stored = stores_influence(site.problem, site.material);
     match &site.material.model {
-        Model::BondBased(b) => {
+        deck::Model::BondBased(b) => {
             check_bond_based_poisson(site, b)?;
             let constants = site.constants(b.youngs_modulus.constant().is_some(), |x| {
                 let young = b.youngs_modulus.eval(x, 0.0);
                 Ok(BondBasedConstants { young, section, continuum: matches!(b.calibration, Calibration::Continuum) })
             })?;
             let law = match &b.bond_law {
-                BondLaw::Elastic if stored => return Ok(site.assign(BondBased { law: Elastic, omega: Stored }, constants)),
-                BondLaw::Elastic => return Ok(site.assign(BondBased { law: Elastic, omega: One }, constants)),
+                BondLaw::Elastic => return Ok(Model::ElasticBonds(constants)),
                 BondLaw::TensionOnly => Nonlinear::TensionOnly,
                 BondLaw::Bilinear(l) => Nonlinear::Bilinear(Bilinear { peak: l.peak_stretch.value, failure: l.failure_stretch.value }),
                 BondLaw::ElasticPlastic(l) => Nonlinear::ElasticPlastic(ElasticPlastic { yield_stretch: l.yield_stretch.value }),
@@ -182,9 +193,9 @@ fn part<const D: usize>(site: &Site<D>) -> Checked<Box<dyn Part<D>>> {
                     Nonlinear::Tabulated(Tabulated::new(low, high, 4096, |s| l.force.at(s)))
                 }
             };
-            Ok(site.assign(BondBased { law, omega: Stored }, constants))
+            Ok(Model::NonlinearBonds(law, constants))
         }
-        Model::LinearPeridynamicSolid(l) => {
+        deck::Model::LinearPeridynamicSolid(l) => {
             if D == 1 {
                 return Err(vec![Issue::new(
                     l.span,
@@ -197,96 +208,186 @@ fn part<const D: usize>(site: &Site<D>) -> Checked<Box<dyn Part<D>>> {
                 IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: l.span };
             let constants =
                 site.constants(source.is_constant(), |x| Ok(LinearPeridynamicSolidConstants::new(source.at(x, section)?, section)))?;
-            Ok(if stored {
-                site.assign(LinearPeridynamicSolid { omega: Stored }, constants)
-            } else {
-                site.assign(LinearPeridynamicSolid { omega: One }, constants)
-            })
+            Ok(Model::LinearPeridynamicSolid(constants))
         }
-        Model::Correspondence(c) => {
-            let hyperelastic = |constants: Constants<HyperelasticConstants<D>>| -> Box<dyn Part<D>> {
-                if stored {
-                    controlled(site, Hyperelastic, constants, &c.control, Stored)
-                } else {
-                    controlled(site, Hyperelastic, constants, &c.control, One)
+        deck::Model::ExtendedCorrespondence(m) => extended::<D>(site, m),
+        deck::Model::Correspondence(c) => {
+            let control = match c.control.as_ref().map(|c| &c.value) {
+                // in one dimension the tensor is a number
+                Some(deck::Control::Wan2019) if D > 1 => Control::Wan2019,
+                Some(deck::Control::None) => Control::Isotropic(zero_energy::Isotropic::None),
+                None | Some(deck::Control::Wan2019 | deck::Control::Wan2019Objective) => {
+                    Control::Isotropic(zero_energy::Isotropic::Wan2019)
+                }
+                Some(deck::Control::Silling2017(s)) => {
+                    Control::Isotropic(zero_energy::Isotropic::Silling2017 { strength: s.strength.value })
                 }
             };
-            Ok(match &c.law {
-                LawName::LinearElastic(e) => hyperelastic(
-                    site.constants(is_constant(e), |x| Ok(HyperelasticConstants::LinearElastic(stiffness_at::<D>(e, x, section)?)))?,
-                ),
-                LawName::SaintVenantKirchhoff(e) => {
-                    hyperelastic(site.constants(is_constant(e), |x| {
-                        Ok(HyperelasticConstants::SaintVenantKirchhoff(stiffness_at::<D>(e, x, section)?))
-                    })?)
-                }
-                LawName::NeoHookean(e) => {
-                    let source = IsotropicSource {
-                        e: &e.youngs_modulus,
-                        nu: &e.poisson_ratio,
-                        k: &e.bulk_modulus,
-                        g: &e.shear_modulus,
-                        span: e.span,
-                    };
-                    hyperelastic(site.constants(source.is_constant(), |x| {
-                        Ok(HyperelasticConstants::NeoHookean(NeoHookeanConstants {
-                            elastic: source.at(x, section)?,
-                            expansion: 0.0,
-                            section,
-                        }))
-                    })?)
-                }
-                LawName::KelvinVoigt(k) => {
-                    let uniform = k.retardation_time.constant().is_some() && is_constant(&k.elasticity);
-                    let constants = site.constants(uniform, |x| {
-                        let stiffness = stiffness_at::<D>(&k.elasticity, x, section)?;
-                        Ok(KelvinVoigtConstants { stiffness, retardation_time: k.retardation_time.eval(x, 0.0) })
-                    })?;
-                    controlled(site, constitutive::KelvinVoigt, constants, &c.control, Stored)
-                }
-                LawName::Almansi(e) => {
-                    if let Some(t) = &site.problem.deck.temperature {
+            let law = law::<D>(site, &c.law)?;
+            match (&c.kinematics, law) {
+                (deck::Kinematics::WholeFamily, law) => Ok(Model::Correspondence(law, control)),
+                (deck::Kinematics::Corrected(k), Law::Smooth(law)) => {
+                    let order = k.order.value as usize;
+                    if order == 0 || order > LARGEST_ORDER[D - 1] {
                         return Err(vec![Issue::new(
-                            t.span,
-                            "the law `almansi` knows no temperature",
-                            "use another law, or remove `temperature`",
+                            k.order.span,
+                            format!("an order of {order} is not available in {D}D"),
+                            format!("give 1 to {}", LARGEST_ORDER[D - 1]),
                         )]);
                     }
-                    let source = IsotropicSource {
-                        e: &e.youngs_modulus,
-                        nu: &e.poisson_ratio,
-                        k: &e.bulk_modulus,
-                        g: &e.shear_modulus,
-                        span: e.span,
+                    let Control::Isotropic(control) = control else {
+                        return Err(vec![Issue::new(
+                            c.control.as_ref().map_or(c.span, |c| c.span),
+                            "a corrected influence function takes isotropic controls only",
+                            "use `wan_2019_objective`, `silling_2017` or `none`",
+                        )]);
                     };
-                    let constants = site.constants(source.is_constant(), |x| Ok((source.at(x, section)?, section)))?;
-                    controlled(site, FromCauchy(constitutive::Almansi), constants, &c.control, Stored)
+                    Ok(Model::Corrected(law, control, order))
                 }
-            })
+                (deck::Kinematics::SubHorizons(s), Law::Smooth(law)) => {
+                    if let Some(control) = c.control.as_ref().filter(|c| !matches!(c.value, deck::Control::None)) {
+                        return Err(vec![Issue::new(
+                            control.span,
+                            "sub-horizons have no zero-energy modes, and take no control",
+                            "remove `control`",
+                        )]);
+                    }
+                    let count = partition(s, D).count(D).map_err(|e| vec![Issue::new(s.span, e.what, e.remedy)])?;
+                    let empty = match s.empty_sub_horizon {
+                        deck::EmptySubHorizonName::Renormalise => EmptySubHorizon::Renormalise,
+                        deck::EmptySubHorizonName::ZeroEnergy => EmptySubHorizon::ZeroEnergy { of: count as u32 },
+                    };
+                    Ok(Model::SubHorizons(law, empty))
+                }
+                (_, _) => Err(vec![Issue::new(
+                    c.span,
+                    "this law works with one deformation gradient of the whole family",
+                    "use `kinematics: whole_family`, or a law with an energy",
+                )]),
+            }
         }
     }
 }
 
-fn controlled<const D: usize, L: constitutive::Law<D>, I: Influence>(
-    site: &Site<D>,
-    law: L,
-    constants: Constants<L::Constants>,
-    control: &Control,
-    omega: I,
-) -> Box<dyn Part<D>> {
-    let isotropic = match control {
-        // in one dimension the tensor is a number
-        Control::Wan2019 if D > 1 => return site.assign(Correspondence { law, control: Wan2019, omega }, constants),
-        Control::None => zero_energy::Isotropic::None,
-        Control::Wan2019 | Control::Wan2019Objective => zero_energy::Isotropic::Wan2019,
-        Control::Silling2017(s) => zero_energy::Isotropic::Silling2017 { strength: s.strength.value },
+/// Extended correspondence, with its constants.
+fn extended<const D: usize>(site: &Site, m: &deck::ExtendedCorrespondence) -> Checked<Model<D>> {
+    let section = site.problem.section;
+    let law = match &m.law {
+        deck::StrainLaw::LinearElastic(e) => StrainLaw::Elastic(site.constants(is_constant(e), |x| stiffness_at::<D>(e, x, section))?),
+        deck::StrainLaw::J2Plasticity(j) => {
+            let (uniform, at) = plasticity(j, section);
+            StrainLaw::Plastic(site.constants(uniform, at)?)
+        }
     };
-    site.assign(Correspondence { law, control: isotropic, omega }, constants)
+    let exponent = SethHill::new(m.exponent.value)
+        .map_err(|e| vec![Issue::new(m.exponent.span, e.to_string(), "give an exponent between -2 and 2: 0 is the logarithmic strain")])?;
+    let calibration = match m.calibration {
+        deck::StrainCalibration::MomentTensor => BondStrainCalibration::MomentTensor,
+        deck::StrainCalibration::TruncatedMomentTensor => BondStrainCalibration::TruncatedMomentTensor,
+        deck::StrainCalibration::AsPublished => BondStrainCalibration::AsPublished,
+    };
+    Ok(Model::Extended(law, BondStrains { exponent, calibration, control: m.control.value }))
 }
 
-fn check_bond_based_poisson<const D: usize>(site: &Site<D>, b: &deck::BondBased) -> Checked<()> {
+/// The constants of a plastic law by place, and whether they are the same everywhere.
+fn plasticity(j: &deck::J2Plasticity, section: Section) -> (bool, impl Fn([f64; 3]) -> Result<J2PlasticityConstants, Issue>) {
+    let e = &j.elasticity;
+    let source = IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: j.span };
+    let uniform = source.is_constant()
+        && j.yield_stress.constant().is_some()
+        && j.hardening_modulus.constant().is_some()
+        && j.thermal_expansion.as_ref().is_none_or(|a| a.constant().is_some());
+    let at = move |x: [f64; 3]| {
+        let expansion = j.thermal_expansion.as_ref().map_or(0.0, |a| a.eval(x, 0.0));
+        let (y, h) = (j.yield_stress.eval(x, 0.0), j.hardening_modulus.eval(x, 0.0));
+        J2PlasticityConstants::new(source.at(x, section)?, y, h, expansion, section)
+            .map_err(|e| Issue::new(j.span, e.to_string(), "correct the constant, or its expression at this place"))
+    };
+    (uniform, at)
+}
+
+/// The partition a deck names. In a dimension that does not have it, [`Partition::count`] refuses it.
+fn partition(s: &deck::SubHorizons, d: usize) -> Partition {
+    use deck::PartitionName as Name;
+    let n = |c: &deck::Count| c.value as usize;
+    match &s.partition {
+        Name::Automatic => Partition::Automatic(if d == 3 { 8 } else { 2 * d }),
+        Name::AtMost(c) => Partition::Automatic(n(c)),
+        Name::Intervals(c) => Partition::Intervals(n(c)),
+        Name::Quadrants if d == 2 => Partition::Orthants,
+        Name::Octants if d == 3 => Partition::Orthants,
+        Name::Quadrants => Partition::Sectors(4),
+        Name::Octants => Partition::Cones(8),
+        Name::Sectors(c) => Partition::Sectors(n(c)),
+        Name::Cones(c) => Partition::Cones(n(c)),
+    }
+}
+
+/// Sub-horizons of a material, if its kinematics have any.
+fn sub_horizons(m: &deck::Material) -> Option<&deck::SubHorizons> {
+    match &m.model {
+        deck::Model::Correspondence(deck::Correspondence { kinematics: deck::Kinematics::SubHorizons(s), .. }) => Some(s),
+        _ => None,
+    }
+}
+
+/// Numbers of sub-horizons whose membership the bonds store. Partitions that do not fit the dimension store none: they are refused
+/// with their material.
+fn planes(m: &deck::Material, d: usize) -> usize {
+    let history = matches!(&m.model, deck::Model::Correspondence(c) if matches!(c.law, LawName::J2Plasticity(_)));
+    sub_horizons(m).and_then(|s| partition(s, d).count(d).ok()).map_or(0, |n| catalog::sub_horizon_planes(d, n, history))
+}
+
+/// A constitutive law, with its constants.
+fn law<const D: usize>(site: &Site, law: &LawName) -> Checked<Law<D>> {
+    let section = site.problem.section;
+    Ok(match law {
+        LawName::LinearElastic(e) => Law::Smooth(SmoothLaw::Hyperelastic(
+            site.constants(is_constant(e), |x| Ok(HyperelasticConstants::LinearElastic(stiffness_at::<D>(e, x, section)?)))?,
+        )),
+        LawName::SaintVenantKirchhoff(e) => Law::Smooth(SmoothLaw::Hyperelastic(
+            site.constants(is_constant(e), |x| Ok(HyperelasticConstants::SaintVenantKirchhoff(stiffness_at::<D>(e, x, section)?)))?,
+        )),
+        LawName::J2Plasticity(j) => {
+            let measure = match j.strain {
+                deck::PlasticStrain::Small => StrainMeasure::Small,
+                deck::PlasticStrain::Logarithmic => StrainMeasure::Logarithmic,
+            };
+            let (uniform, at) = plasticity(j, section);
+            Law::Smooth(SmoothLaw::Plastic(site.constants(uniform, |x| Ok(OfStrainConstants { measure, law: at(x)? }))?))
+        }
+        LawName::NeoHookean(e) => {
+            let source =
+                IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span };
+            Law::Smooth(SmoothLaw::Hyperelastic(site.constants(source.is_constant(), |x| {
+                Ok(HyperelasticConstants::NeoHookean(NeoHookeanConstants { elastic: source.at(x, section)?, expansion: 0.0, section }))
+            })?))
+        }
+        LawName::KelvinVoigt(k) => {
+            let uniform = k.retardation_time.constant().is_some() && is_constant(&k.elasticity);
+            Law::KelvinVoigt(site.constants(uniform, |x| {
+                let stiffness = stiffness_at::<D>(&k.elasticity, x, section)?;
+                Ok(KelvinVoigtConstants { stiffness, retardation_time: k.retardation_time.eval(x, 0.0) })
+            })?)
+        }
+        LawName::Almansi(e) => {
+            if let Some(t) = &site.problem.deck.temperature {
+                return Err(vec![Issue::new(t.span, "the law `almansi` knows no temperature", "use another law, or remove `temperature`")]);
+            }
+            let source =
+                IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span };
+            Law::Almansi(site.constants(source.is_constant(), |x| Ok((source.at(x, section)?, section)))?)
+        }
+    })
+}
+
+fn check_bond_based_poisson(site: &Site, b: &deck::BondBased) -> Checked<()> {
     let (Some(given), Some(fixed)) = (&b.poisson_ratio, BondBasedConstants::poisson(site.problem.section)) else { return Ok(()) };
-    let wrong = site.points.iter().map(|&p| given.eval(site.problem.cloud.position[p as usize], 0.0)).find(|nu| (nu - fixed).abs() > 1e-6);
+    let wrong = site
+        .points
+        .iter()
+        .map(|&p| given.eval(site.problem.constants_at.unwrap_or(site.problem.cloud.position[p as usize]), 0.0))
+        .find(|nu| (nu - fixed).abs() > 1e-6);
     match wrong {
         None => Ok(()),
         Some(nu) => Err(vec![Issue::new(
@@ -321,6 +422,8 @@ impl IsotropicSource<'_> {
             (_, Some(nu), Some(k), _) => Isotropic { young: 3.0 * k * (1.0 - 2.0 * nu), poisson: nu },
             (_, Some(nu), _, Some(g)) => Isotropic { young: 2.0 * g * (1.0 + nu), poisson: nu },
             (_, _, Some(k), Some(g)) => Isotropic::from_bulk_shear(k, g),
+            // nothing in a bar depends on it
+            (Some(young), None, None, None) if matches!(section, Section::Bar { .. }) => Isotropic { young, poisson: 0.0 },
             _ => return Err(Issue::new(self.span, "two elastic constants are needed", "give `youngs_modulus` and `poisson_ratio`")),
         };
         let incompressible = m.poisson >= 0.5 - 1e-9 && !matches!(section, Section::Bar { .. } | Section::PlaneStress { .. });
@@ -458,18 +561,23 @@ fn rotate_strain(e: &[f64; 6], axes: &[[f64; 3]; 3]) -> [f64; 6] {
 
 fn influence_of(m: &deck::Material) -> (&InfluenceName, bool) {
     match &m.model {
-        Model::BondBased(b) => (&b.influence, b.isotropy_correction),
-        Model::LinearPeridynamicSolid(l) => (&l.influence, l.isotropy_correction),
-        Model::Correspondence(c) => (&c.influence, false),
+        deck::Model::BondBased(b) => (&b.influence, b.isotropy_correction),
+        deck::Model::LinearPeridynamicSolid(l) => (&l.influence, l.isotropy_correction),
+        deck::Model::Correspondence(c) => (&c.influence, false),
+        deck::Model::ExtendedCorrespondence(c) => (&c.influence, false),
     }
 }
 
 fn stores_influence(problem: &Problem, m: &deck::Material) -> bool {
     let (influence, corrected) = influence_of(m);
     let always = match &m.model {
-        Model::BondBased(b) => !matches!(b.bond_law, BondLaw::Elastic),
-        Model::Correspondence(c) => matches!(c.law, LawName::KelvinVoigt(_) | LawName::Almansi(_)),
-        Model::LinearPeridynamicSolid(_) => false,
+        deck::Model::BondBased(b) => !matches!(b.bond_law, BondLaw::Elastic),
+        deck::Model::Correspondence(c) => {
+            matches!(c.law, LawName::KelvinVoigt(_) | LawName::Almansi(_) | LawName::J2Plasticity(_))
+                || matches!(c.kinematics, deck::Kinematics::Corrected(_))
+        }
+        deck::Model::ExtendedCorrespondence(c) => matches!(c.law, deck::StrainLaw::J2Plasticity(_)),
+        deck::Model::LinearPeridynamicSolid(_) => false,
     };
     always
         || problem.section.dimension() == 1
@@ -513,12 +621,27 @@ impl Weights {
                 .iter()
                 .map(|l| (Vector(std::array::from_fn(|k| l.end[k] - x[k])), l.weight * problem.cloud.volume[l.point as usize]))
                 .collect();
-            let power = if matches!(m.model, Model::BondBased(_)) { 1 } else { 2 };
+            let power = if matches!(m.model, deck::Model::BondBased(_)) { 1 } else { 2 };
             if let Some(factors) = physics::isotropy::fourth_moment_factors(&bonds, power) {
                 links.iter_mut().zip(factors).for_each(|(l, s)| l.weight *= s);
             }
         }
     }
+}
+
+/// The sub-horizons of each bond of a family.
+fn divide<const D: usize>(problem: &Problem, m: &deck::Material, p: usize, links: &mut [Link]) {
+    let Some(s) = sub_horizons(m) else { return };
+    let partition = partition(s, D);
+    if partition.count(D).is_err() {
+        return;
+    }
+    let x = problem.cloud.position[p];
+    let bonds: Vec<(Vector<f64, D>, f64)> = links
+        .iter()
+        .map(|l| (Vector(std::array::from_fn(|k| l.end[k] - x[k])), l.weight * problem.cloud.volume[l.point as usize]))
+        .collect();
+    links.iter_mut().zip(partition.membership(&bonds, problem.horizon[p])).for_each(|(l, sets)| l.sets = sets);
 }
 
 /// Criteria of the same kind become one, so that a bond between two materials breaks at the mean of their thresholds. Between
@@ -560,7 +683,7 @@ fn thresholds<const D: usize>(
     let continuum = matches!(damage.calibration, Calibration::Continuum);
     let length = |k: usize| family[k].0.iter().map(|x| x * x).sum::<f64>().sqrt();
     let moment: f64 = family.iter().enumerate().map(|(k, b)| weights[k] * length(k) * b.1).sum();
-    let non_elastic = matches!(&m.model, Model::BondBased(b) if !matches!(b.bond_law, BondLaw::Elastic | BondLaw::TensionOnly));
+    let non_elastic = matches!(&m.model, deck::Model::BondBased(b) if !matches!(b.bond_law, BondLaw::Elastic | BondLaw::TensionOnly));
     if non_elastic && let Some(g) = &damage.energy_release_rate {
         return Err(vec![Issue::new(
             g.span,
@@ -616,17 +739,22 @@ fn thresholds<const D: usize>(
 /// Isotropic moduli of a material at a place, for calibrations: of an anisotropic one the Voigt average.
 fn isotropic_estimate<const D: usize>(m: &deck::Material, x: [f64; 3], section: Section) -> Result<Isotropic, Issue> {
     match &m.model {
-        Model::BondBased(b) => {
+        deck::Model::BondBased(b) => {
             Ok(Isotropic { young: b.youngs_modulus.eval(x, 0.0), poisson: BondBasedConstants::poisson(section).unwrap_or(0.25) })
         }
-        Model::LinearPeridynamicSolid(l) => {
+        deck::Model::LinearPeridynamicSolid(l) => {
             let e = &l.elasticity;
             IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: l.span }
                 .at(x, section)
         }
-        Model::Correspondence(c) => match &c.law {
+        deck::Model::ExtendedCorrespondence(c) => match &c.law {
+            deck::StrainLaw::LinearElastic(e) => Ok(stiffness_at::<D>(e, x, section)?.average),
+            deck::StrainLaw::J2Plasticity(j) => Ok(plasticity(j, section).1(x)?.elastic),
+        },
+        deck::Model::Correspondence(c) => match &c.law {
             LawName::LinearElastic(e) | LawName::SaintVenantKirchhoff(e) => Ok(stiffness_at::<D>(e, x, section)?.average),
             LawName::KelvinVoigt(k) => Ok(stiffness_at::<D>(&k.elasticity, x, section)?.average),
+            LawName::J2Plasticity(j) => Ok(plasticity(j, section).1(x)?.elastic),
             LawName::NeoHookean(e) | LawName::Almansi(e) => {
                 IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span }
                     .at(x, section)

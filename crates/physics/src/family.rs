@@ -32,6 +32,8 @@ pub struct Configuration<'a, R> {
     pub weight: &'a [f64],
     /// One bit a bond slot.
     pub intact: &'a [u8],
+    /// One bit a bond slot for each sub-horizon, one sub-horizon after the other; or empty.
+    pub membership: &'a [u8],
     /// Committed history of the points: `memory_words` words each.
     pub memory: &'a [f64],
     /// Words of history per point.
@@ -126,6 +128,11 @@ impl<'a, S: Scalar, const D: usize> Family<'a, S, D> {
     pub fn memory(self, k: usize) -> f64 {
         self.arrays.memory[self.point * self.arrays.memory_words + k]
     }
+    /// The first `words` words of the committed history of the family's point.
+    #[inline(always)]
+    pub fn history(self, words: usize) -> &'a [f64] {
+        if words == 0 { &[] } else { &self.arrays.memory[self.point * self.arrays.memory_words..][..words] }
+    }
     /// Whether the velocities of the points are known.
     #[inline(always)]
     pub fn has_velocity(self) -> bool {
@@ -154,6 +161,10 @@ impl<'a, const D: usize> Reference<'a, D> {
             #[inline(always)]
             |b| f(ReferenceBond(b)),
         )
+    }
+    /// Calls `f` for every intact bond.
+    pub fn each(self, mut f: impl FnMut(ReferenceBond<'a, D>)) {
+        self.0.each(|b| f(ReferenceBond(b)));
     }
     /// Horizon δ of the family's point.
     pub fn horizon(self) -> f64 {
@@ -206,6 +217,11 @@ impl<const D: usize> ReferenceBond<'_, D> {
     #[inline(always)]
     pub fn volume(self) -> f64 {
         self.0.volume()
+    }
+    /// Whether the bond lies in sub-horizon `k`.
+    #[inline(always)]
+    pub fn belongs_to(self, k: usize) -> bool {
+        self.0.belongs_to(k)
     }
 }
 
@@ -262,6 +278,26 @@ impl<'a, S: Scalar, const D: usize> Bond<'a, S, D> {
     pub fn volume(self) -> S {
         S::row_f64(self.arrays.coordinates, self.far)[VOLUME_WORD].masked(self.arrays.intact, self.slot)
     }
+    /// The bits of sub-horizon `k`.
+    #[inline(always)]
+    fn members(self, k: usize) -> &'a [u8] {
+        let blocks = self.arrays.neighbor.len() / 8;
+        &self.arrays.membership[k * blocks..(k + 1) * blocks]
+    }
+    /// Whether the (first) bond lies in sub-horizon `k`.
+    #[inline(always)]
+    fn belongs_to(self, k: usize) -> bool {
+        is_intact(self.members(k), self.slot)
+    }
+    /// `x` where the bond lies in sub-horizon `k`, else zero; nothing where no bond of the number does.
+    #[inline(always)]
+    pub fn share_of<T: Masked<S>>(self, k: usize, x: T) -> Option<T> {
+        let members = self.members(k);
+        if S::WIDTH == 1 {
+            return is_intact(members, self.slot).then_some(x);
+        }
+        Some(x.masked_by(members, self.slot))
+    }
     /// Volume V of the near point, zero where the bond is broken.
     #[inline(always)]
     pub fn near_volume(self) -> S {
@@ -287,5 +323,26 @@ impl<'a, S: Scalar, const D: usize> Bond<'a, S, D> {
     #[inline(always)]
     pub fn slot(self) -> usize {
         self.slot
+    }
+}
+
+/// What can be set to zero for some of the bonds of a number.
+pub trait Masked<S: Scalar>: Copy {
+    /// Zero where the bit of the slot is not set.
+    fn masked_by(self, bits: &[u8], slot: usize) -> Self;
+}
+impl<S: Scalar> Masked<S> for S {
+    #[inline(always)]
+    fn masked_by(self, bits: &[u8], slot: usize) -> S {
+        self.masked(bits, slot)
+    }
+}
+impl<S: Scalar, const D: usize> Masked<S> for Vector<S, D> {
+    #[inline(always)]
+    fn masked_by(self, bits: &[u8], slot: usize) -> Self {
+        Vector(crate::scalar::array(
+            #[inline(always)]
+            |k| self.0[k].masked(bits, slot),
+        ))
     }
 }

@@ -15,5 +15,6 @@ pub mod material;
 pub mod models;
 pub mod scalar;
 pub mod stretch_law;
+pub mod sub_horizon;
 pub mod tensor;
 pub mod zero_energy;

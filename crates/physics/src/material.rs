@@ -27,6 +27,8 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     /// opposite at both ends but for that word. Then a point needs no more than its neighbours' words to sum both halves of each
     /// pair by itself: no force is written to a neighbour.
     const PAIRWISE: bool = false;
+    /// Sub-horizons whose membership is stored with the bonds.
+    const SUB_HORIZONS: usize = 0;
     /// Whether the influence is stored with the bonds.
     const STORED_INFLUENCE: bool;
 
@@ -52,6 +54,10 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     /// Writes the history of an accepted increment: `point` holds [`MEMORY`](Self::MEMORY) words, `bonds[k]` word `k`
     /// of the family's slots, from its first one.
     fn commit(&self, _: &Self::Constants, _: &Self::Shape, _: Family<f64, D>, _point: &mut [f64], _bonds: &mut [&mut [f64]]) {}
+    /// What the shape had to do without in a family that is too poor, for the log.
+    fn shortfall(&self, _: &Self::Shape) -> Option<&'static str> {
+        None
+    }
     /// Stress across the plane (or the bar), given the stress within (two dimensions: plane strain), for output only.
     fn out_of_plane_stress(&self, _: &Self::Constants, _in_plane: &crate::tensor::Matrix<f64, D>) -> f64 {
         0.0

@@ -57,6 +57,8 @@ pub struct Body<const D: usize> {
     /// Bits of the bonds before any broke.
     pub whole: Vec<u8>,
     pub intact: Vec<u8>,
+    /// Bits of the sub-horizons.
+    pub membership: Vec<u8>,
     pub memory: Vec<f64>,
     pub memory_words: usize,
     pub bond_memory: Vec<f64>,
@@ -92,6 +94,7 @@ impl<const D: usize> Body<D> {
             weight: vec![],
             intact: whole.clone(),
             whole,
+            membership: vec![],
             memory: vec![],
             memory_words: 0,
             bond_memory: vec![],
@@ -141,6 +144,23 @@ impl<const D: usize> Body<D> {
         Self::of_families(&points, &volumes, &vec![horizon; points.len()], &[(1..points.len()).collect()])
     }
 
+    /// Divides the families into sub-horizons, stored in `planes` planes.
+    pub fn divided(mut self, partition: physics::sub_horizon::Partition, planes: usize) -> Self {
+        let blocks = self.neighbor.len() / 8;
+        self.membership = vec![0; planes * blocks];
+        for i in 0..self.families() {
+            // padding repeats the last bond: it belongs to the lanes, not to the family
+            let own: Vec<usize> = self.slots(i).filter(|&s| (self.whole[s / 8] >> (s % 8)) & 1 == 1).collect();
+            let bonds: Vec<(Vector<f64, D>, f64)> =
+                own.iter().map(|&s| (Vector(self.xi(i, s)), self.volume(self.neighbor[s] as usize))).collect();
+            for (slot, sets) in own.into_iter().zip(partition.membership(&bonds, self.horizon[i])) {
+                for k in 0..planes {
+                    self.membership[k * blocks + slot / 8] |= (sets >> k & 1) << (slot % 8);
+                }
+            }
+        }
+        self
+    }
     /// Breaks the given share of the pairs, both directions.
     pub fn broken(mut self, share: f64) -> Self {
         for i in 0..self.families() {
@@ -184,6 +204,13 @@ impl<const D: usize> Body<D> {
                 }
             }
         }
+        self
+    }
+
+    /// Words of history a point, all zeros: those of the undeformed body.
+    pub fn with_point_history(mut self, words: usize) -> Self {
+        self.memory_words = words;
+        self.memory = vec![0.0; words * self.families()];
         self
     }
 
@@ -257,6 +284,7 @@ impl<const D: usize> Body<D> {
             memory: &self.memory,
             memory_words: self.memory_words,
             bond_memory: &self.bond_memory,
+            membership: &self.membership,
         }
     }
 }
@@ -422,12 +450,15 @@ where
     }
     fn commit(&self, body: &mut Body<D>, u: &[f64]) {
         let shapes = self.shapes(body);
+        let mut memory = body.memory.clone();
         let mut words: Vec<Vec<f64>> = body.bond_memory.chunks(body.neighbor.len()).map(<[f64]>::to_vec).collect();
         for (i, shape) in shapes.iter().enumerate() {
             let slots = body.slots(i);
             let mut bonds: Vec<&mut [f64]> = words.iter_mut().map(|w| &mut w[slots.clone()]).collect();
-            self.0.commit(&self.1, shape, Family::new(&body.view(u), i), &mut [], &mut bonds);
+            let point = &mut memory[i * body.memory_words..][..M::MEMORY];
+            self.0.commit(&self.1, shape, Family::new(&body.view(u), i), point, &mut bonds);
         }
+        body.memory = memory;
         body.bond_memory = words.concat();
     }
 }

@@ -1,7 +1,7 @@
 //! `materials`: models, their constants, and damage.
-use crate::deck::decode::{Context, Decode, SetName, choice, section};
+use crate::deck::decode::{Context, Decode, SetName, Spanned, choice, section};
 use crate::deck::quantity::{
-    Angle, Any, BondRatio, Density, EnergyPerArea, Expansion, Field, Number, Pressure, Quantity, SpaceField, Stretch, Time,
+    Angle, Any, BondRatio, Count, Density, EnergyPerArea, Expansion, Field, Number, Pressure, Quantity, SpaceField, Stretch, Time,
 };
 use crate::deck::tree::{Content, Node};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -29,6 +29,8 @@ choice! {
         LinearPeridynamicSolid(LinearPeridynamicSolid) = "linear_peridynamic_solid",
         /// A law of continuum mechanics applied to the nonlocal deformation gradient.
         Correspondence(Correspondence) = "correspondence",
+        /// A law of a strain applied to a nonlocal strain made of nonlinear strains of the bonds.
+        ExtendedCorrespondence(ExtendedCorrespondence) = "extended_correspondence",
     }
 }
 
@@ -162,10 +164,138 @@ section! {
     pub struct Correspondence as "a correspondence model" {
         /// The law.
         law: Law,
-        /// How zero-energy modes are controlled.
-        control: Control = "wan_2019_objective",
+        /// How the deformation of a family becomes a deformation gradient.
+        kinematics: Kinematics = "whole_family",
+        /// How zero-energy modes are controlled; `wan_2019_objective` if not given, nothing where the kinematics have none.
+        control: Option<Spanned<Control>>,
         /// Weight of bonds by length.
         influence: Influence = "constant",
+    }
+}
+
+section! {
+    /// A law of a strain applied to a nonlocal strain made of nonlinear strains of the bonds (Tupek and Radovitzky 2014).
+    pub struct ExtendedCorrespondence as "an extended correspondence model" {
+        /// The law of the strain.
+        law: StrainLaw,
+        /// Exponent m of the Seth-Hill strain of a bond: 1 Green-Lagrange, 0 logarithmic, -1 Almansi. For m of 0 or less a bond cannot collapse. Under
+        /// pressure or tension all modes stay stable at m = 1/2 in 1D, 0 in 2D, -1/2 in 3D.
+        exponent: Quantity<Number> = "0",
+        /// How the strains of the bonds become a strain tensor.
+        calibration: StrainCalibration = "moment_tensor",
+        /// Strength of the zero-energy control, about 1; 0 for none.
+        control: Quantity<Number> where NOT_NEGATIVE = "1",
+        /// Weight of bonds by length.
+        influence: Influence = "constant",
+    }
+}
+
+choice! {
+    /// How the strains of the bonds become a strain tensor.
+    pub enum StrainCalibration as "a calibration of bond strains" {
+        /// Exact for small uniform strains in every family.
+        MomentTensor = "moment_tensor",
+        /// The same; strains that a poor family does not see are zero there.
+        TruncatedMomentTensor = "truncated_moment_tensor",
+        /// With the constants of the paper, which are those of a full sphere or disc.
+        AsPublished = "as_published",
+    }
+}
+
+choice! {
+    /// A law of a strain.
+    pub enum StrainLaw as "a law of a strain" {
+        /// Stress linear in the strain.
+        LinearElastic(Elasticity) = "linear_elastic",
+        /// Plastic flow at a von Mises stress.
+        J2Plasticity(J2Plasticity) = "j2_plasticity",
+    }
+}
+
+section! {
+    /// Plastic flow at a von Mises stress, with linear isotropic hardening.
+    pub struct J2Plasticity as "a J2 plastic law" {
+        /// Yield stress in uniaxial tension.
+        yield_stress: SpaceField<Pressure> where POSITIVE,
+        /// Slope of the uniaxial stress over the plastic strain.
+        hardening_modulus: SpaceField<Pressure> where NOT_NEGATIVE = "0",
+        /// Thermal expansion.
+        thermal_expansion: Option<SpaceField<Expansion>>,
+        /// The strain it is a law of; extended correspondence has its own.
+        strain: PlasticStrain = "logarithmic",
+    } flatten {
+        /// Two of Young's modulus, Poisson ratio, bulk modulus, shear modulus.
+        elasticity: Isotropic,
+    }
+}
+
+choice! {
+    /// The strain of a plastic law.
+    pub enum PlasticStrain as "a strain" {
+        /// Large strains and rotations.
+        Logarithmic = "logarithmic",
+        /// Small strains and rotations.
+        Small = "small",
+    }
+}
+
+choice! {
+    /// How the deformation of a family becomes a deformation gradient.
+    pub enum Kinematics as "kinematics" {
+        /// One gradient for the whole family.
+        WholeFamily = "whole_family",
+        /// One gradient, exact for polynomials of a higher degree.
+        Corrected(Corrected) = "corrected",
+        /// A gradient for each part of the family; their energies are averaged. No zero-energy modes, so no control.
+        SubHorizons(SubHorizons) = "sub_horizons",
+    }
+}
+
+section! {
+    /// One gradient, exact for polynomials of a higher degree (Roy Chowdhury et al. 2019).
+    pub struct Corrected as "a corrected influence function" {
+        /// Degree of the polynomials; lower in families with too few bonds. Up to 10 in 1D, 4 in 2D, 3 in 3D.
+        order: Count,
+    }
+}
+
+section! {
+    /// Parts of the family (Roy Chowdhury et al. 2019).
+    pub struct SubHorizons as "sub-horizons" {
+        /// How families are divided.
+        partition: PartitionName = "automatic",
+        /// What becomes of a part with too few bonds.
+        empty_sub_horizon: EmptySubHorizonName = "renormalise",
+    }
+}
+
+choice! {
+    /// How families are divided. All parts are closed: bonds on a border belong to both sides.
+    pub enum PartitionName as "a partition" {
+        /// For each family as many parts as it can carry: up to 2 in 1D, 4 in 2D, 8 in 3D.
+        Automatic = "automatic",
+        /// The same with another upper limit.
+        AtMost(Count) = "at_most",
+        /// Equal intervals of a line (1D): 2, 4, 6 or 8.
+        Intervals(Count) = "intervals",
+        /// Four quadrants between the axes (2D).
+        Quadrants = "quadrants",
+        /// Sectors of equal angle (2D): 3 to 8.
+        Sectors(Count) = "sectors",
+        /// Eight octants between the axes (3D).
+        Octants = "octants",
+        /// Cones about directions spread over the sphere (3D): 4 to 8.
+        Cones(Count) = "cones",
+    }
+}
+
+choice! {
+    /// What becomes of a sub-horizon with too few bonds: near a surface, or behind a crack.
+    pub enum EmptySubHorizonName as "a rule for empty sub-horizons" {
+        /// The others share the whole energy.
+        Renormalise = "renormalise",
+        /// It carries no energy.
+        ZeroEnergy = "zero_energy",
     }
 }
 
@@ -200,6 +330,8 @@ choice! {
         SaintVenantKirchhoff(Elasticity) = "saint_venant_kirchhoff",
         /// Compressible neo-Hookean.
         NeoHookean(Isotropic) = "neo_hookean",
+        /// Plastic flow at a von Mises stress.
+        J2Plasticity(J2Plasticity) = "j2_plasticity",
         /// Hooke's law with viscous damping.
         KelvinVoigt(KelvinVoigt) = "kelvin_voigt",
         /// Hooke's law between Cauchy stress and Almansi strain.
@@ -452,8 +584,9 @@ fn given(constants: [(&str, bool); 4]) -> Vec<&str> {
 
 const CONSTANTS_HELP: &str = "give two of `youngs_modulus`, `poisson_ratio`, `bulk_modulus`, `shear_modulus`";
 
+/// Young's modulus alone will do for a bar, which only the problem knows.
 fn check_two(given: &[&str], span: crate::deck::Span, cx: &mut Context) {
-    if given.len() != 2 {
+    if given.len() != 2 && *given != ["youngs_modulus"] {
         let found = if given.is_empty() {
             "none is".into()
         } else {

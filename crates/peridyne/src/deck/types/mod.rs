@@ -6,6 +6,8 @@ mod materials;
 mod output;
 mod sets;
 mod solver;
+mod spectrum;
+mod study;
 
 pub use body::*;
 pub use conditions::*;
@@ -14,3 +16,5 @@ pub use materials::*;
 pub use output::*;
 pub use sets::*;
 pub use solver::*;
+pub use spectrum::*;
+pub use study::*;

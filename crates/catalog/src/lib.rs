@@ -1,0 +1,205 @@
+//! Every model compiled for every dimension: the one place where loops and models meet as machine code.
+//!
+//! A model is a choice made at run time ([`Model`]), the loops over its families are compiled for its type. This crate holds all
+//! these types, so that the program above it does not compile them again whenever a word of a deck changes. Where speed matters
+//! (elastic bonds, the linear solid, hyperelastic correspondence) a constant influence is a type of its own; elsewhere, and in one
+//! dimension, it is stored.
+
+#![forbid(unsafe_code)]
+
+use bodies::chunk::Chunk;
+use bodies::part::{Assigned, Constants, Part};
+use bodies::structure::{Simulated, Structure};
+use physics::constitutive::{
+    Almansi, FromCauchy, Hyperelastic, HyperelasticConstants, J2Plasticity, J2PlasticityConstants, KelvinVoigt, KelvinVoigtConstants,
+    LinearElastic, OfStrain, OfStrainConstants,
+};
+use physics::elasticity::{Isotropic, Section, Stiffness};
+use physics::influence::{Influence, One, Stored};
+use physics::material::Material;
+use physics::models::{
+    BondBased, BondBasedConstants, BondStrainCalibration, CorrectedCorrespondence, Correspondence, EmptySubHorizon, ExtendedCorrespondence,
+    LARGEST_ORDER, LinearPeridynamicSolid, LinearPeridynamicSolidConstants, SethHill, SubHorizonCorrespondence, monomial_count,
+};
+use physics::stretch_law::{Elastic, Nonlinear};
+use physics::zero_energy::{self, Wan2019};
+
+/// A model with its constants.
+pub enum Model<const D: usize> {
+    /// [`BondBased`] with elastic bonds.
+    ElasticBonds(Constants<BondBasedConstants>),
+    /// [`BondBased`] with another law of stretch.
+    NonlinearBonds(Nonlinear, Constants<BondBasedConstants>),
+    /// [`LinearPeridynamicSolid`].
+    LinearPeridynamicSolid(Constants<LinearPeridynamicSolidConstants>),
+    /// [`Correspondence`].
+    Correspondence(Law<D>, Control),
+    /// [`CorrectedCorrespondence`] of an order.
+    Corrected(SmoothLaw<D>, zero_energy::Isotropic, usize),
+    /// [`SubHorizonCorrespondence`].
+    SubHorizons(SmoothLaw<D>, EmptySubHorizon),
+    /// [`ExtendedCorrespondence`].
+    Extended(StrainLaw<D>, BondStrains),
+}
+
+/// A constitutive law with its constants.
+pub enum Law<const D: usize> {
+    /// One that all kinematics take.
+    Smooth(SmoothLaw<D>),
+    /// [`KelvinVoigt`].
+    KelvinVoigt(Constants<KelvinVoigtConstants<D>>),
+    /// [`Almansi`], a law that is known by its Cauchy stress.
+    Almansi(Constants<(Isotropic, Section)>),
+}
+
+/// A constitutive law that all kinematics take.
+#[allow(clippy::large_enum_variant)] // one for each material of a deck
+pub enum SmoothLaw<const D: usize> {
+    /// One of the laws with an energy.
+    Hyperelastic(Constants<HyperelasticConstants<D>>),
+    /// [`J2Plasticity`] in a strain of F.
+    Plastic(Constants<OfStrainConstants<J2PlasticityConstants>>),
+}
+
+/// A law of a strain.
+#[allow(clippy::large_enum_variant)] // one for each material of a deck
+pub enum StrainLaw<const D: usize> {
+    /// [`LinearElastic`].
+    Elastic(Constants<Stiffness<D>>),
+    /// [`J2Plasticity`].
+    Plastic(Constants<J2PlasticityConstants>),
+}
+
+/// How extended correspondence makes a strain tensor of bond strains.
+#[derive(Clone, Copy, Debug)]
+pub struct BondStrains {
+    /// The exponent m.
+    pub exponent: SethHill,
+    /// H
+    pub calibration: BondStrainCalibration,
+    /// Strength of the zero-energy control.
+    pub control: f64,
+}
+
+/// A zero-energy control.
+#[derive(Clone, Copy, Debug)]
+pub enum Control {
+    /// The tensor of Wan et al. as published.
+    Wan2019,
+    /// A multiple of the unit tensor.
+    Isotropic(zero_energy::Isotropic),
+}
+
+/// Where a model goes: on some points (sorted index) of a body with these chunks.
+pub struct Place<'a, const D: usize> {
+    /// Name of the material.
+    pub name: &'a str,
+    /// Points made of it.
+    pub points: &'a [u32],
+    /// Chunks of the body.
+    pub chunks: &'a [Chunk<D>],
+    /// Whether the bonds store their influence; otherwise it is 1.
+    pub weighted: bool,
+    /// Number of sub-horizons whose membership the bonds store.
+    pub sub_horizons: usize,
+}
+
+/// What is compiled for a dimension.
+pub trait Compiled<const D: usize> {
+    /// A model on its points.
+    fn part(model: Model<D>, place: &Place<D>) -> Box<dyn Part<D>>;
+    /// A body as the program advances it.
+    fn simulated(structure: Structure<D>) -> Box<dyn Simulated>;
+}
+
+/// The catalog: [`Compiled`] in one, two and three dimensions.
+pub struct Catalog;
+
+macro_rules! compiled {
+    ($($d:literal)*) => {$(
+        impl Compiled<$d> for Catalog {
+            fn part(model: Model<$d>, place: &Place<$d>) -> Box<dyn Part<$d>> {
+                part::<$d, { monomial_count($d, LARGEST_ORDER[$d - 1]) }, { sub_horizon_planes($d, 1, false) }>(model, place)
+            }
+            fn simulated(structure: Structure<$d>) -> Box<dyn Simulated> {
+                Box::new(structure)
+            }
+        }
+    )*};
+}
+compiled!(1 2 3);
+
+/// Sub-horizons that models are compiled for, and so the numbers whose membership a body stores: four in the plane are a case of their
+/// own, because quadrants are (with history all come in eights).
+pub const fn sub_horizon_planes(d: usize, count: usize, history: bool) -> usize {
+    if d == 2 && count <= 4 && !history { 4 } else { 8 }
+}
+
+impl<const D: usize> Place<'_, D> {
+    fn assign<M: Material<D>>(&self, model: M, constants: Constants<M::Constants>) -> Box<dyn Part<D>> {
+        Box::new(Assigned::new(self.name, model, constants, self.points, self.chunks))
+    }
+}
+
+/// `M` monomials of the largest order of a correction; `FEW` and 8 are the numbers of sub-horizons.
+fn part<const D: usize, const M: usize, const FEW: usize>(model: Model<D>, place: &Place<D>) -> Box<dyn Part<D>> {
+    match model {
+        Model::ElasticBonds(c) if place.weighted => place.assign(BondBased { law: Elastic, omega: Stored }, c),
+        Model::ElasticBonds(c) => place.assign(BondBased { law: Elastic, omega: One }, c),
+        Model::NonlinearBonds(law, c) => place.assign(BondBased { law, omega: Stored }, c),
+        Model::LinearPeridynamicSolid(c) if place.weighted => place.assign(LinearPeridynamicSolid { omega: Stored }, c),
+        Model::LinearPeridynamicSolid(c) => place.assign(LinearPeridynamicSolid { omega: One }, c),
+        Model::Correspondence(Law::Smooth(SmoothLaw::Hyperelastic(c)), control) if place.weighted => {
+            controlled(Hyperelastic, Stored, control, c, place)
+        }
+        Model::Correspondence(Law::Smooth(SmoothLaw::Hyperelastic(c)), control) => controlled(Hyperelastic, One, control, c, place),
+        Model::Correspondence(Law::Smooth(SmoothLaw::Plastic(c)), control) => controlled(OfStrain(J2Plasticity), Stored, control, c, place),
+        Model::Correspondence(Law::KelvinVoigt(c), control) => controlled(KelvinVoigt, Stored, control, c, place),
+        Model::Correspondence(Law::Almansi(c), control) => controlled(FromCauchy(Almansi), Stored, control, c, place),
+        Model::Corrected(law, control, order) => {
+            debug_assert!(order <= LARGEST_ORDER[D - 1]);
+            let omega = Stored;
+            match law {
+                SmoothLaw::Hyperelastic(c) => {
+                    place.assign(CorrectedCorrespondence::<_, _, _, M> { law: Hyperelastic, control, omega, order }, c)
+                }
+                SmoothLaw::Plastic(c) => {
+                    place.assign(CorrectedCorrespondence::<_, _, _, M> { law: OfStrain(J2Plasticity), control, omega, order }, c)
+                }
+            }
+        }
+        Model::SubHorizons(SmoothLaw::Hyperelastic(c), empty) => match (place.sub_horizons, place.weighted) {
+            (n, true) if n == FEW => place.assign(SubHorizonCorrespondence::<_, _, FEW> { law: Hyperelastic, omega: Stored, empty }, c),
+            (n, false) if n == FEW => place.assign(SubHorizonCorrespondence::<_, _, FEW> { law: Hyperelastic, omega: One, empty }, c),
+            (_, true) => place.assign(SubHorizonCorrespondence::<_, _, 8> { law: Hyperelastic, omega: Stored, empty }, c),
+            (_, false) => place.assign(SubHorizonCorrespondence::<_, _, 8> { law: Hyperelastic, omega: One, empty }, c),
+        },
+        Model::SubHorizons(SmoothLaw::Plastic(c), empty) => {
+            place.assign(SubHorizonCorrespondence::<_, _, 8> { law: OfStrain(J2Plasticity), omega: Stored, empty }, c)
+        }
+        Model::Extended(law, BondStrains { exponent, calibration, control }) => match (law, place.weighted) {
+            (StrainLaw::Elastic(c), true) => {
+                place.assign(ExtendedCorrespondence { law: LinearElastic, exponent, calibration, control, omega: Stored }, c)
+            }
+            (StrainLaw::Elastic(c), false) => {
+                place.assign(ExtendedCorrespondence { law: LinearElastic, exponent, calibration, control, omega: One }, c)
+            }
+            (StrainLaw::Plastic(c), _) => {
+                place.assign(ExtendedCorrespondence { law: J2Plasticity, exponent, calibration, control, omega: Stored }, c)
+            }
+        },
+    }
+}
+
+fn controlled<L: physics::constitutive::Law<D>, I: Influence, const D: usize>(
+    law: L,
+    omega: I,
+    control: Control,
+    constants: Constants<L::Constants>,
+    place: &Place<D>,
+) -> Box<dyn Part<D>> {
+    match control {
+        Control::Wan2019 => place.assign(Correspondence { law, control: Wan2019, omega }, constants),
+        Control::Isotropic(control) => place.assign(Correspondence { law, control, omega }, constants),
+    }
+}

@@ -1,0 +1,406 @@
+use super::FLAT_FAMILY;
+use crate::constitutive::{Deformation, Law};
+use crate::family::{Bond, Family, Reference};
+use crate::influence::Influence;
+use crate::material::{Material, SingularFamily};
+use crate::scalar::{Scalar, array, lift};
+use crate::tensor::{Matrix, Vector};
+use crate::zero_energy::Control;
+
+/// Correspondence with a corrected influence function: the deformation gradient is exact for polynomials of degree `order`, not for
+/// affine maps alone.
+///
+/// # Equations
+/// With the monomials p of ξ/δ of degree 1 to N, and the vector weight g,
+/// $$ M = \int\omega\,p\,p^T dV', \qquad g = \omega\,[M^{-1}p]_{1..d}/\delta, \qquad
+///    F = 1 + \int\eta\otimes g\,dV', \qquad T\langle\xi\rangle = P\,g $$
+/// and the zero-energy control with tensor A on z = η − (F − 1) ξ, whose force state is
+/// $$ \omega A z - R\,g, \qquad R = A\int\omega\,z\otimes\xi\,dV' $$
+/// (R vanishes in conventional correspondence).
+///
+/// # Source
+/// Roy Chowdhury, Roy, Roy and Reddy (2019), eqs. 8–18, in one dimension; in more dimensions a scalar correction has too few
+/// coefficients (seven conditions for three of them with d = 2, N = 2), and the weight is a vector, as in the peridynamic
+/// differential operator. In one dimension both are the same.
+///
+/// # Units
+/// g \[1/m⁴\], P \[Pa\], T \[N/m⁶\], W \[J/m³\], in 3D.
+///
+/// # Holds when
+/// the family has as many independent bonds as there are monomials. F is of order N in δ for even N, N + 1 for odd N in symmetric
+/// families.
+///
+/// # Fails when
+/// no control is used: the correction is even where the family is symmetric, so the modes with components of k in {0, π/Δx} keep zero
+/// energy whatever N.
+///
+/// # Differs from the source
+/// the influence function stands in the moments (eq. 11 lost it); moments are those of ξ/δ; the order is lowered in families with too
+/// few bonds, without which orders above the number of neighbours have no solution at the ends of a bar.
+///
+/// # Verified by
+/// `physics/tests/contract.rs`, `physics/tests/corrected.rs`, `decks/papers/chowdhury2019`.
+#[derive(Clone, Copy, Debug)]
+pub struct CorrectedCorrespondence<L, Z, I, const M: usize> {
+    /// The constitutive law.
+    pub law: L,
+    /// The zero-energy control.
+    pub control: Z,
+    /// The influence function.
+    pub omega: I,
+    /// N: the degree of the polynomials whose gradient is exact. `M` must not be less than their number.
+    pub order: usize,
+}
+
+/// Number of monomials of degree 1 to `order` in `d` variables.
+pub const fn monomial_count(d: usize, order: usize) -> usize {
+    // (order + d) over d, without the constant
+    let (mut count, mut k) = (1, 1);
+    while k <= d {
+        count = count * (order + k) / k;
+        k += 1;
+    }
+    count - 1
+}
+
+/// Number of monomials of whole degrees that `m` entries hold.
+const fn whole_degrees(d: usize, m: usize) -> usize {
+    let mut order = 0;
+    while monomial_count(d, order + 1) <= m {
+        order += 1;
+    }
+    monomial_count(d, order)
+}
+
+/// Largest order of a dimension.
+pub const LARGEST_ORDER: [usize; 3] = [10, 4, 3];
+
+/// Part of a monomial that the ones before it do not explain, below which a family cannot tell it from them.
+const DEPENDENT: f64 = 1e-8;
+
+/// The monomials of degree 1 on, by degree: each is a variable times an earlier one. Those beyond the `used` ones are zero.
+#[inline(always)]
+fn monomials<S: Scalar, const D: usize, const M: usize>(s: Vector<S, D>, used: usize) -> [S; M] {
+    let mut p = [S::of(0.0); M];
+    if D == 1 {
+        let mut power = s.0[0];
+        for entry in p.iter_mut().take(used) {
+            *entry = power;
+            power = power * s.0[0];
+        }
+        return p;
+    }
+    // the block of a degree begins with x times the whole block before, then y times its part without x, then z times its last
+    let (mut at, mut before, mut size) = (0, 0, 0);
+    while at < used {
+        if size == 0 {
+            p[..D].copy_from_slice(&s.0);
+            (at, size) = (D, D);
+            continue;
+        }
+        let degree_less = if D == 2 { size - 1 } else { triangular_root(size) };
+        let start = at;
+        for k in 0..size {
+            p[at] = s.0[0] * p[before + k];
+            at += 1;
+        }
+        if D == 2 {
+            p[at] = s.0[1] * p[before + size - 1];
+            at += 1;
+        } else {
+            // the last degree_less + 1 of the block have no x; the very last is a power of z
+            for k in size - degree_less - 1..size {
+                p[at] = s.0[1] * p[before + k];
+                at += 1;
+            }
+            p[at] = s.0[D - 1] * p[before + size - 1];
+            at += 1;
+        }
+        (before, size) = (start, at - start);
+    }
+    p
+}
+
+/// Degree n whose block in three variables has (n + 1)(n + 2)/2 monomials.
+#[inline(always)]
+const fn triangular_root(size: usize) -> usize {
+    let mut n = 0;
+    while (n + 1) * (n + 2) / 2 < size {
+        n += 1;
+    }
+    n
+}
+
+/// Largest ∫ |g||ξ| dV′, by which a correction of order N multiplies what bonds do at random, over the 2ᴺ of N points on one side.
+/// Families that would need more have a lower order.
+pub const LARGEST_AMPLIFICATION: f64 = 2.0;
+
+/// What the reference family decides.
+#[derive(Clone, Copy, Debug)]
+pub struct CorrectedShape<A, const D: usize, const M: usize> {
+    /// g = ω · coefficients · p(ξ/δ)
+    coefficients: [[f64; M]; D],
+    /// 1/δ
+    scale: f64,
+    /// Monomials in use.
+    used: usize,
+    /// Whether the order was lowered.
+    lowered: bool,
+    /// K = ∫ ω ξ ⊗ ξ dV′
+    tensor: Matrix<f64, D>,
+    control: A,
+}
+
+/// What a force needs: P − R, A (F − 1), A, and the weights g.
+pub type CorrectedState<R, A, const D: usize, const M: usize> = ((Matrix<R, D>, Matrix<R, D>), (A, ([[R; M]; D], R)));
+
+#[inline(always)]
+fn weight<S: Scalar, const D: usize, const M: usize>(coefficients: &[[S; M]; D], scale: S, used: usize, xi: Vector<S, D>) -> Vector<S, D> {
+    let p = monomials::<S, D, M>(xi * scale, used);
+    Vector(array(
+        #[inline(always)]
+        |a| {
+            let mut g = S::of(0.0);
+            for (c, p) in coefficients[a].iter().zip(&p) {
+                g = c.fma(*p, g);
+            }
+            g
+        },
+    ))
+}
+
+/// Coefficients of g for the highest order that the bonds (ξ/δ, ωV′) support, at most `order`: and that order, 0 where there is none.
+///
+/// With the rows √(ωV′) pᵀ = Q R the coefficients are the first columns of R⁻¹R⁻ᵀ: half the digits of M would be lost by forming it.
+fn solve<const D: usize, const M: usize>(bonds: &[(Vector<f64, D>, f64)], order: usize) -> ([[f64; M]; D], usize) {
+    let used_at = |n: usize| monomial_count(D, n);
+    let used = used_at(order);
+    let rows: Vec<[f64; M]> = bonds.iter().map(|(s, w)| monomials::<f64, D, M>(*s, used).map(|p| p * w.max(0.0).sqrt())).collect();
+    // Gram and Schmidt, twice, column by column
+    let mut q = rows.clone();
+    let mut r = [[0.0; M]; M];
+    let mut independent = 0;
+    for k in 0..used {
+        let norm = |q: &[[f64; M]]| q.iter().map(|row| row[k] * row[k]).sum::<f64>().sqrt();
+        let before = norm(&q);
+        for _ in 0..2 {
+            for l in 0..k {
+                let along: f64 = q.iter().map(|row| row[l] * row[k]).sum();
+                r[l][k] += along;
+                q.iter_mut().for_each(|row| row[k] -= along * row[l]);
+            }
+        }
+        let left = norm(&q);
+        if left.is_nan() || left <= DEPENDENT * before {
+            break;
+        }
+        r[k][k] = left;
+        q.iter_mut().for_each(|row| row[k] /= left);
+        independent = k + 1;
+    }
+    // in one dimension n neighbours support order n; in more a degree counts when all its monomials are there
+    for order in (1..=order).rev().filter(|&n| used_at(n) <= independent) {
+        let n = used_at(order);
+        let mut coefficients = [[0.0; M]; D];
+        for (d, c) in coefficients.iter_mut().enumerate() {
+            let unit = |k: usize| f64::from(u8::from(k == d));
+            // the later rounds remove the round-off of the first from the moments
+            for round in 0..3 {
+                let mut missing: [f64; M] = array(unit);
+                if round > 0 {
+                    for row in &rows {
+                        let along: f64 = (0..n).map(|k| row[k] * c[k]).sum();
+                        (0..n).for_each(|k| missing[k] -= row[k] * along);
+                    }
+                }
+                // Rᵀ y = e_d, then R c = y
+                let mut y = [0.0; M];
+                for k in 0..n {
+                    let known: f64 = (0..k).map(|l| r[l][k] * y[l]).sum();
+                    y[k] = (missing[k] - known) / r[k][k];
+                }
+                let mut more = [0.0; M];
+                for k in (0..n).rev() {
+                    let known: f64 = (k + 1..n).map(|l| r[k][l] * more[l]).sum();
+                    more[k] = (y[k] - known) / r[k][k];
+                    c[k] += more[k];
+                }
+            }
+        }
+        let amplification: f64 = bonds.iter().map(|(s, w)| w * weight(&coefficients, 1.0, n, *s).norm() * s.norm()).sum();
+        if amplification <= LARGEST_AMPLIFICATION * f64::powi(2.0, order as i32) {
+            return (coefficients, order);
+        }
+    }
+    ([[0.0; M]; D], 0)
+}
+
+impl<L, Z, I: Influence, const M: usize> CorrectedCorrespondence<L, Z, I, M> {
+    /// ∫ a ⊗ g dV′ and ∫ ω a ⊗ ξ dV′
+    #[inline(always)]
+    fn gradient<S: Scalar, A: Copy, const D: usize>(
+        &self,
+        shape: &CorrectedShape<A, D, M>,
+        h: Family<S, D>,
+        a: impl Fn(Bond<S, D>) -> Vector<S, D>,
+    ) -> (Matrix<S::Sum, D>, Matrix<S::Sum, D>) {
+        let coefficients = shape.coefficients.map(
+            #[inline(always)]
+            |row| row.map(S::of),
+        );
+        let scale = S::of(shape.scale);
+        h.integrate(
+            #[inline(always)]
+            |b| {
+                let (omega, xi) = (self.omega.at(b), b.xi());
+                let a = a(b) * omega;
+                (a.outer(weight(&coefficients, scale, shape.used, xi)), a.outer(xi))
+            },
+        )
+    }
+    #[inline(always)]
+    fn deformation<'a, S: Scalar, A: Copy, const D: usize>(
+        &self,
+        rate: bool,
+        words: usize,
+        shape: &CorrectedShape<A, D, M>,
+        h: Family<'a, S, D>,
+    ) -> (Deformation<'a, S::Sum, D>, Matrix<S::Sum, D>) {
+        let (gradient, moment) = self.gradient(
+            shape,
+            h,
+            #[inline(always)]
+            |b| b.eta(),
+        );
+        let rate = if rate && h.has_velocity() {
+            self.gradient(
+                shape,
+                h,
+                #[inline(always)]
+                |b| b.eta_rate(),
+            )
+            .0
+        } else {
+            Matrix::zero()
+        };
+        (Deformation { gradient, rate, temperature: h.temperature(), time: h.time(), memory: h.history(words) }, moment)
+    }
+}
+
+impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Material<D> for CorrectedCorrespondence<L, Z, I, M> {
+    const MEMORY: usize = L::MEMORY;
+    const RATE: bool = L::RATE;
+    const CONSERVATIVE: bool = L::HYPERELASTIC;
+    const STORED_INFLUENCE: bool = I::STORED;
+    type Constants = L::Constants;
+    type Shape = CorrectedShape<Z::Shape, D, M>;
+    type State<R: Scalar> = CorrectedState<R, Z::State<R>, D, M>;
+
+    fn shape(&self, c: &L::Constants, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
+        let tensor: Matrix<f64, D> = h.integrate(|b| b.xi().outer(b.xi()) * self.omega.at(b));
+        let inverse = tensor.inverse_if_regular(FLAT_FAMILY).ok_or(SingularFamily)?;
+        let scale = 1.0 / h.horizon();
+        let mut bonds = vec![];
+        h.each(|b| bonds.push((b.xi() * scale, self.omega.at(b) * b.volume())));
+        let (mut coefficients, order) = solve::<D, M>(&bonds, self.order);
+        if order == 0 {
+            return Err(SingularFamily);
+        }
+        coefficients.iter_mut().flatten().for_each(|c| *c *= scale);
+        let control = self.control.shape(&self.law.stiffness(c), &inverse, self.omega, h);
+        Ok(CorrectedShape { coefficients, scale, used: monomial_count(D, order), lowered: order < self.order, tensor, control })
+    }
+    fn reshape(&self, c: &L::Constants, _: &Self::Shape, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
+        self.shape(c, h)
+    }
+    #[inline(always)]
+    fn state<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
+        let (f, moment) = self.deformation(L::RATE, L::MEMORY, shape, h);
+        let p = self.law.first_piola(c, &f);
+        // ∫ ω z ⊗ ξ dV′
+        let rest = moment - f.gradient * shape.tensor.to();
+        let (less_r, a) = self.control.state(&shape.control, Matrix::zero(), &rest);
+        let (less_ah, _) = self.control.state(&shape.control, Matrix::zero(), &f.gradient);
+        let coefficients = shape.coefficients.map(
+            #[inline(always)]
+            |row| row.map(S::Sum::of),
+        );
+        ((p + less_r, less_ah), (a, (coefficients, S::Sum::of(shape.scale))))
+    }
+    #[inline(always)]
+    fn force<S: Scalar>(&self, ((q, less_ah), (a, (coefficients, scale))): &Self::State<S>, b: Bond<S, D>) -> Vector<S, D> {
+        let xi = b.xi();
+        let control = self.control.force(
+            a,
+            #[inline(always)]
+            || b.eta(),
+        );
+        // coefficients of monomials that are not in use are zero
+        (*q * weight(coefficients, *scale, const { whole_degrees(D, M) }, xi) + *less_ah * xi + control) * self.omega.at(b)
+    }
+    #[inline(always)]
+    fn energy_density<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> S::Sum {
+        let (f, _) = self.deformation(L::RATE, L::MEMORY, shape, h);
+        let gradient: Matrix<S, D> = lift::<S, _, _>(&f.gradient);
+        let control = h.integrate(
+            #[inline(always)]
+            |b| self.control.energy::<S>(&shape.control, b.eta() - gradient * b.xi()) * self.omega.at(b),
+        );
+        self.law.energy(c, &f) + control
+    }
+    fn commit(&self, c: &L::Constants, shape: &Self::Shape, h: Family<f64, D>, point: &mut [f64], _: &mut [&mut [f64]]) {
+        if L::MEMORY > 0 {
+            self.law.commit(c, &self.deformation(L::RATE, L::MEMORY, shape, h).0, point);
+        }
+    }
+    fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
+        self.law.stiffness(c).out_of_plane_stress(s)
+    }
+    fn shortfall(&self, shape: &Self::Shape) -> Option<&'static str> {
+        shape.lowered.then_some("families with too few bonds for the order of the correction, which have a lower one")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn monomials_by_degree() {
+        assert_eq!([1, 2, 3, 10].map(|n| monomial_count(1, n)), [1, 2, 3, 10]);
+        assert_eq!([1, 2, 3, 4].map(|n| monomial_count(2, n)), [2, 5, 9, 14]);
+        assert_eq!([1, 2, 3].map(|n| monomial_count(3, n)), [3, 9, 19]);
+        let (x, y, z) = (2.0, 3.0, 5.0);
+        assert_eq!(monomials::<f64, 1, 4>(Vector([x]), 4), [2.0, 4.0, 8.0, 16.0]);
+        assert_eq!(monomials::<f64, 2, 9>(Vector([x, y]), 9), [2.0, 3.0, 4.0, 6.0, 9.0, 8.0, 12.0, 18.0, 27.0]);
+        let p = monomials::<f64, 3, 19>(Vector([x, y, z]), 19);
+        assert_eq!(p[..9], [x, y, z, x * x, x * y, x * z, y * y, y * z, z * z]);
+        let mut cubes: Vec<f64> = p[9..].to_vec();
+        cubes.sort_by(f64::total_cmp);
+        let mut want = [8.0, 27.0, 125.0, 12.0, 20.0, 18.0, 50.0, 45.0, 75.0, 30.0];
+        want.sort_by(f64::total_cmp);
+        assert_eq!(cubes, want);
+    }
+
+    #[test]
+    fn weights_differentiate_polynomials() {
+        // an irregular family: the gradient of every monomial of degree ≤ 3 at the origin is exact
+        let bonds: Vec<_> = (0..40)
+            .map(|k| {
+                let t = k as f64;
+                (Vector([(1.7 * t).sin() * 0.9, (2.3 * t + 1.0).cos() * 0.8, (0.9 * t + 2.0).sin() * 0.7]), 1.0 + 0.5 * (3.1 * t).sin())
+            })
+            .collect();
+        let (c, order) = solve::<3, 19>(&bonds, 3);
+        assert_eq!(order, 3);
+        for m in 0..19 {
+            for d in 0..3 {
+                let sum: f64 = bonds.iter().map(|(s, w)| w * monomials::<f64, 3, 19>(*s, 19)[m] * weight(&c, 1.0, 19, *s).0[d]).sum();
+                assert!((sum - f64::from(u8::from(m == d))).abs() < 1e-13, "{m} {d} {sum}");
+            }
+        }
+        // five neighbours at the end of a bar: order 5
+        let end: Vec<_> = (1..=5).map(|k| (Vector([k as f64 / 5.1]), 1.0)).collect();
+        assert_eq!(solve::<1, 10>(&end, 8).1, 5);
+    }
+}
