@@ -70,7 +70,7 @@ if __name__ == "__main__":
     for horizon in (1.1 * np.sqrt(2), 3.015):
         near = cut(x, families(x, horizon))
         for name, split, wan in (("conventional", full, False), ("Wan", full, True), ("quadrants", orthants, False), ("3 sectors", sectors(3), False)):
-            rows, dropped, whole = gradients(x, volume, near, split, 1e-6)
+            rows, dropped, whole = gradients(x, volume, near, split, 1e-2)
             u, f = solve(assemble(x, volume, rows, c, wan), held)
             uy = u[1::2]
             reaction = sum(f[2 * place[a, N - 1] + 1] for a in range(N))

@@ -1,7 +1,7 @@
 """The plate by correspondence, full families and quadrants, in NumPy and SciPy: the numbers that the decks expect.
 
 Small strain, influence 1, closed balls, bonds across the hole kept. Sub-horizons whose shape tensor has an eigenvalue ratio
-below 1e-6 are dropped and the others carry the energy. Run: python plate.py [ratio ...] (a few seconds to a minute each)
+below 1e-2 are dropped and the others carry the energy. Run: python plate.py [ratio ...] (a few seconds to a minute each)
 """
 import sys
 import time
@@ -79,7 +79,7 @@ def gradients(i, j, ratio, kind, sees=None):
         w = ((other >= 0) & member(a, b)).astype(float)
         k11, k22, k12 = w @ (a * a), w @ (b * b), w @ (a * b)
         mean, radius = (k11 + k22) / 2, np.hypot((k11 - k22) / 2, k12)
-        good = mean - radius > 1e-6 * (mean + radius)
+        good = mean - radius > 1e-2 * (mean + radius)
         det = np.where(good, k11 * k22 - k12**2, 1)
         gx = w * (k22[:, None] * a - k12[:, None] * b) / det[:, None] / DX
         gy = w * (k11[:, None] * b - k12[:, None] * a) / det[:, None] / DX
