@@ -23,6 +23,24 @@ struct Inflow {
     pairs: Vec<(u32, u32, u8)>,
 }
 
+/// |Y|/|ξ| above which the stiffening of bonds that collapse is within the safety of an explicit step.
+pub const STIFFENS: f64 = 0.95;
+
+/// How bonds approach collapse.
+#[derive(Clone, Copy, Debug)]
+pub struct Approach {
+    /// Smallest |Y|/|ξ|.
+    pub ratio: f64,
+    /// The points (sorted index) of that bond.
+    pub pair: (usize, usize),
+    /// Smallest (|Y|/|ξ|)ᵖ, at most 1: the stable step shrinks by as much.
+    pub stiffening: f64,
+    /// Smallest |Y| over the speed at which it shrinks.
+    pub time: f64,
+    /// Smallest |Y| − [`STIFFENS`] |ξ|.
+    pub gap: f64,
+}
+
 /// What a body is made of, in sorted order.
 pub struct Geometry<'a> {
     /// Positions.
@@ -313,6 +331,55 @@ impl<const D: usize> Body<D> {
                     out[i] = least;
                 }
             }
+        })
+    }
+
+    /// How the intact bonds approach collapse at `(u, v)`: over the points of materials whose bonds stiffen then, ties in sorted order.
+    /// `None` where no material does.
+    pub fn approach(&mut self, u: &[f64], v: &[f64]) -> Option<Approach> {
+        let powers: Vec<Option<f64>> = self.parts.iter().map(|p| p.collapse()).collect();
+        if powers.iter().all(Option::is_none) {
+            return None;
+        }
+        self.forward(u, None);
+        let parts = &self.parts;
+        let each = self.chunks.par_iter().enumerate().map(|(k, c)| {
+            let mut a = Approach { ratio: f64::INFINITY, pair: (0, 0), stiffening: 1.0, time: f64::INFINITY, gap: f64::INFINITY };
+            let view = c.configuration();
+            for (part, power) in parts.iter().zip(&powers) {
+                let Some(power) = *power else { continue };
+                for &i in part.points(k) {
+                    let near = (c.first + i as usize) * D;
+                    physics::family::Family::<f64, D>::new(&view, i as usize).each(|b| {
+                        let l = b.far() as usize;
+                        let (far, flips) = (c.points[l] as usize * D, c.flips[l]);
+                        let y = b.xi() + b.eta();
+                        let (length, reference) = (y.norm(), b.xi().norm());
+                        let ratio = length / reference;
+                        // the reflected neighbour moves the other way
+                        let closing: f64 = (0..D)
+                            .map(|q| {
+                                let far = if flips >> q & 1 == 1 { -v[far + q] } else { v[far + q] };
+                                -y.0[q] * (far - v[near + q])
+                            })
+                            .sum();
+                        if closing > 0.0 {
+                            a.time = a.time.min(length * length / closing);
+                        }
+                        a.stiffening = a.stiffening.min(ratio.powf(power));
+                        a.gap = a.gap.min(length - STIFFENS * reference);
+                        if ratio < a.ratio || ratio.is_nan() {
+                            (a.ratio, a.pair) = (ratio, (near / D, far / D));
+                        }
+                    });
+                }
+            }
+            a
+        });
+        let each: Vec<Approach> = each.collect();
+        each.into_iter().reduce(|a, b| {
+            let closest = if b.ratio < a.ratio || b.ratio.is_nan() { b } else { a };
+            Approach { stiffening: a.stiffening.min(b.stiffening), time: a.time.min(b.time), gap: a.gap.min(b.gap), ..closest }
         })
     }
 

@@ -37,11 +37,17 @@ pub enum FieldName {
     Material,
     /// The user's point id.
     Id,
+    /// Curvature of beams and plates \[1/m\].
+    Curvature,
+    /// Moment of beams \[N m\], and of plates per width \[N\].
+    Moment,
+    /// Largest plastic angle of the bond pairs of beams and plates.
+    PlasticAngle,
 }
 
 impl FieldName {
     /// All fields.
-    pub const ALL: [FieldName; 15] = [
+    pub const ALL: [FieldName; 18] = [
         FieldName::Displacement,
         FieldName::Velocity,
         FieldName::DeformationGradient,
@@ -57,6 +63,9 @@ impl FieldName {
         FieldName::MinBondRatio,
         FieldName::Material,
         FieldName::Id,
+        FieldName::Curvature,
+        FieldName::Moment,
+        FieldName::PlasticAngle,
     ];
     /// The name in decks and files.
     pub fn name(self) -> &'static str {
@@ -76,13 +85,16 @@ impl FieldName {
             FieldName::MinBondRatio => "min_bond_ratio",
             FieldName::Material => "material",
             FieldName::Id => "id",
+            FieldName::Curvature => "curvature",
+            FieldName::Moment => "moment",
+            FieldName::PlasticAngle => "plastic_angle",
         }
     }
     /// Words per point: 1, 3 (vector) or 9 (tensor, rows first).
     pub fn words(self) -> usize {
         match self {
             FieldName::Displacement | FieldName::Velocity | FieldName::ForceDensity => 3,
-            FieldName::DeformationGradient | FieldName::Strain | FieldName::Stress => 9,
+            FieldName::DeformationGradient | FieldName::Strain | FieldName::Stress | FieldName::Curvature | FieldName::Moment => 9,
             _ => 1,
         }
     }
@@ -144,6 +156,8 @@ impl<const D: usize> Structure<D> {
             FieldName::MinBondRatio => self.body.min_bond_ratio(u),
             FieldName::Material => self.material.iter().map(|&m| f64::from(m)).collect(),
             FieldName::Id => self.id.iter().map(|&i| i as f64).collect(),
+            // solids have none: these are of beams and plates
+            FieldName::Curvature | FieldName::Moment | FieldName::PlasticAngle => vec![f64::NAN; n * words],
         };
         let mut out = vec![0.0; n * words];
         for (p, &user) in self.user.iter().enumerate() {

@@ -73,6 +73,8 @@ pub trait Part<const D: usize>: Send + Sync {
     fn gathers(&self) -> bool;
     /// The state of an owned point of a pairwise model.
     fn state_word(&self, chunk: usize, point: usize, c: &Configuration<f64>) -> f64;
+    /// How the stiffness of a collapsing bond grows: see [`Material::collapse`].
+    fn collapse(&self) -> Option<f64>;
     /// Sub-horizons whose membership the bonds must store.
     fn sub_horizons(&self) -> usize;
     /// What the shapes had to do without, and in how many families.
@@ -242,6 +244,9 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     }
     fn stores_influence(&self) -> bool {
         M::STORED_INFLUENCE
+    }
+    fn collapse(&self) -> Option<f64> {
+        self.material.collapse()
     }
     fn sub_horizons(&self) -> usize {
         M::SUB_HORIZONS

@@ -10,6 +10,9 @@ use std::sync::Arc;
 /// Displacements beyond this multiple of the body's size count as runaway.
 const RUNAWAY: f64 = 1e3;
 
+/// Largest share of the distance of two points that a step may close, where bonds resist collapse.
+pub const APPROACH: f64 = 0.1;
+
 /// A prescribed temperature field.
 pub struct Temperature {
     /// T(x, t) \[K\].
@@ -89,6 +92,8 @@ pub struct Structure<const D: usize> {
     pub broken: Broken,
     /// Evaluations of all bonds, for throughput: force, and tangent products.
     pub evaluations: (u64, u64),
+    /// Smallest |Y|/|ξ| seen, where bonds stiffen as they collapse, and the way that points may still go before that matters.
+    closest: (f64, f64),
     /// Length of a step used to differentiate prescribed displacements.
     time_scale: f64,
 }
@@ -159,6 +164,7 @@ impl<const D: usize> Structure<D> {
             scratch: vec![0.0; n * D],
             broken: Broken::default(),
             evaluations: (0, 0),
+            closest: (f64::INFINITY, 0.0),
             time_scale: duration,
             body,
         }
@@ -435,6 +441,29 @@ impl<const D: usize> Dynamics for Structure<D> {
     fn prescribe_velocity(&mut self, t: f64, v: &mut [f64]) {
         self.fill_prescribed(t, v, true);
     }
+    fn step_limit(&mut self, _: f64, u: &[f64], v: &[f64], step: f64) -> Result<f64, Stop> {
+        // a pair of points comes closer by twice the largest speed at most: until that has used up the gap nothing can happen
+        let fastest = v.chunks(D).map(|v| v.iter().map(|v| v * v).sum::<f64>()).fold(0.0, f64::max).sqrt();
+        let reach = 2.0 * fastest * step;
+        if self.closest.1 > reach {
+            self.closest.1 -= reach;
+            return Ok(step);
+        }
+        let Some(approach) = self.body.approach(u, v) else {
+            self.closest.1 = f64::INFINITY;
+            return Ok(step);
+        };
+        self.closest = (self.closest.0.min(approach.ratio), approach.gap - reach);
+        if approach.ratio <= 0.0 || approach.ratio.is_nan() {
+            let (a, b) = approach.pair;
+            return Err(Stop::new(format!(
+                "points {} and {} have met (|Y| = {:.3e} |ξ|), where the force of their bond has no value; use an exponent of \
+                 -d/2 or less, or a smaller safety",
+                self.id[a], self.id[b], approach.ratio
+            )));
+        }
+        Ok(step.min(step * approach.stiffening).min(APPROACH * approach.time))
+    }
     fn accept(&mut self, _: f64, u: &[f64], v: &[f64]) -> Result<bool, Stop> {
         self.body.commit(u, Some(v));
         if self.failure.is_empty() {
@@ -611,6 +640,10 @@ pub trait Simulated: Dynamics + Statics + Send {
     fn describe_dof(&self, dof: usize) -> (u64, [f64; 3]);
     /// Points of floating fragments that are held (statics).
     fn held_points(&self) -> usize;
+    /// Smallest |Y|/|ξ| that an explicit run came to, where bonds resist collapse and it was watched.
+    fn closest_approach(&self) -> Option<f64> {
+        None
+    }
 }
 
 impl<const D: usize> Simulated for Structure<D> {
@@ -643,5 +676,8 @@ impl<const D: usize> Simulated for Structure<D> {
     }
     fn held_points(&self) -> usize {
         Structure::held_points(self)
+    }
+    fn closest_approach(&self) -> Option<f64> {
+        self.closest.0.is_finite().then_some(self.closest.0)
     }
 }

@@ -473,7 +473,7 @@ fn check_deck(path: &Path, set: &[(String, String)], name: Option<&str>) -> u8 {
     warnings.iter().for_each(|w| println!("warning: {w}"));
     if let Solver::VelocityVerlet(v) = &problem.deck.solver {
         assembly.model.set_statics(false);
-        let (u, _) = initial_state(&problem);
+        let (u, _) = initial_state(&problem, solvers::problem::Statics::dofs(&*assembly.model));
         match stable_step(&mut *assembly.model, 0.0, &u, v.safety.value) {
             Ok(s) => {
                 println!("  {:<40}{:>20} (safety {} included)", "stable step", number(s.time_step), v.safety.value);

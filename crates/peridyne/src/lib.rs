@@ -16,4 +16,5 @@ pub mod registry;
 pub mod run;
 pub mod spectrum;
 pub mod study;
+mod thin_registry;
 pub mod verify;

@@ -32,6 +32,8 @@ pub struct Problem {
     pub hidden_bonds: usize,
     /// Pre-cracks.
     pub cracks: Option<Cracks>,
+    /// Whether the body is a beam or a plate, whose families are those of bond pairs; `neighbors` is empty then.
+    pub thin: bool,
     /// Where all constants of materials are taken, whatever the place of a point; `None`: each point has its own.
     pub constants_at: Option<[f64; 3]>,
 }
@@ -46,7 +48,8 @@ impl Problem {
     pub fn new(deck: Deck) -> Result<Self, DeckErrors> {
         Self::build(&deck).map_err(|issues| deck.errors(issues)).map(|(section, parts)| {
             let Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks } = parts;
-            Problem { deck, section, cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, constants_at: None }
+            let thin = is_thin(&deck);
+            Problem { deck, section, cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, thin, constants_at: None }
         })
     }
 
@@ -71,6 +74,16 @@ impl Problem {
         let sets = sets(deck, &cloud, &mut issues);
         let material = materials(deck, &cloud, &sets, &mut issues);
         conditions(deck, &cloud, &sets, &mut issues);
+        let thin = is_thin(deck);
+        if !thin {
+            solid(deck, &mut issues);
+        }
+        if thin {
+            let cracks = cracks(deck, &mut issues);
+            let (neighbors, hidden_bonds) = (Neighbors::default(), 0);
+            let built = Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks };
+            return if issues.is_empty() { Ok((section, built)) } else { Err(issues) };
+        }
 
         let mirrors: Vec<Mirror> = deck
             .conditions
@@ -123,6 +136,11 @@ impl Problem {
         }
     }
 
+    /// Number of directions that displacements and reactions have in histories: beams and plates move out of their line or plane.
+    pub fn directions(&self) -> usize {
+        if self.thin { 3 } else { self.section.dimension() }
+    }
+
     /// Points of a set.
     pub fn set(&self, name: &str) -> &[u32] {
         self.sets.get(name).map_or(&[], Vec::as_slice)
@@ -151,6 +169,31 @@ impl Problem {
             Solver::Statics(s) => Some(s.end.value),
             Solver::DynamicRelaxation(s) => Some(s.end.value),
             Solver::Spectrum(_) => None,
+        }
+    }
+}
+
+/// Whether the body is a beam or a plate.
+fn is_thin(deck: &Deck) -> bool {
+    deck.materials.iter().any(|(_, m)| m.model.is_thin())
+}
+
+/// Refuses what only beams and plates understand.
+fn solid(deck: &Deck, issues: &mut Vec<Issue>) {
+    for c in deck.conditions.iter().filter(|c| c.is_thin()) {
+        issues.push(Issue::new(
+            c.span(),
+            format!("`{}` is for beams and plates", c.name()),
+            "use `displacement`, `traction` or `force_density` on a set of points",
+        ));
+    }
+    for lattice in deck.body.points.iter().filter_map(lattice_of) {
+        if matches!(lattice.placement, deck::Placement::Edges) {
+            issues.push(Issue::new(
+                lattice.spacing.span,
+                "points on edges are for beams and plates: in a solid they would have too much volume",
+                "use `placement: centers`",
+            ));
         }
     }
 }
@@ -243,9 +286,21 @@ fn generated(source: &Points, section: Section) -> Result<PointCloud, Issue> {
     let a2 = |q: &[deck::Quantity<deck::Length>; 2]| q.each_ref().map(|q| q.value);
     let a3 = |q: &[deck::Quantity<deck::Length>; 3]| q.each_ref().map(|q| q.value);
     let inner = |q: &Option<deck::Quantity<deck::Length>>| q.map_or(0.0, |q| q.value);
+    // points on edges: the lattice of cells that reach half a spacing beyond
+    let beyond = match lattice.placement {
+        deck::Placement::Centers => 0.0,
+        deck::Placement::Edges => 0.5 * lattice.spacing.value,
+    };
+    if beyond > 0.0 && !matches!(source, Points::Line(_) | Points::Rectangle(_)) {
+        return Err(Issue::new(
+            lattice.spacing.span,
+            format!("a `{}` has no points on its edges", source.name()),
+            "use `line` or `rectangle`, or `placement: centers`",
+        ));
+    }
     let shape = match source {
-        Points::Line(s) => generate::Shape::Line { from: s.from.value, to: s.to.value },
-        Points::Rectangle(s) => generate::Shape::Rectangle { from: a2(&s.from), to: a2(&s.to) },
+        Points::Line(s) => generate::Shape::Line { from: s.from.value - beyond, to: s.to.value + beyond },
+        Points::Rectangle(s) => generate::Shape::Rectangle { from: a2(&s.from).map(|x| x - beyond), to: a2(&s.to).map(|x| x + beyond) },
         Points::Box(s) => generate::Shape::Box { from: a3(&s.from), to: a3(&s.to) },
         Points::Disc(s) => generate::Shape::Disc { centre: a2(&s.center), radius: s.radius.value, inner_radius: inner(&s.inner_radius) },
         Points::Cylinder(s) => {

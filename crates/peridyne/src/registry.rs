@@ -45,6 +45,7 @@ pub struct Assembly {
 /// What only shows when shapes and constants are computed: singular families, unstable constants.
 pub fn assemble(problem: &Problem) -> Result<Assembly, DeckErrors> {
     let made = match problem.section.dimension() {
+        _ if problem.thin => crate::thin_registry::assemble(problem),
         1 => build::<1>(problem),
         2 => build::<2>(problem),
         _ => build::<3>(problem),
@@ -266,7 +267,13 @@ fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
                 )]),
             }
         }
+        deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) => Err(vec![thin_model(site.material)]),
     }
+}
+
+/// Beams and plates are bodies of their own.
+fn thin_model(m: &deck::Material) -> Issue {
+    Issue::new(m.points.span, "a beam or plate does not mix with solids", "give all points the one material of the beam or plate")
 }
 
 /// Extended correspondence, with its constants.
@@ -565,6 +572,7 @@ fn influence_of(m: &deck::Material) -> (&InfluenceName, bool) {
         deck::Model::LinearPeridynamicSolid(l) => (&l.influence, l.isotropy_correction),
         deck::Model::Correspondence(c) => (&c.influence, false),
         deck::Model::ExtendedCorrespondence(c) => (&c.influence, false),
+        deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) => (&InfluenceName::Constant, false),
     }
 }
 
@@ -577,7 +585,7 @@ fn stores_influence(problem: &Problem, m: &deck::Material) -> bool {
                 || matches!(c.kinematics, deck::Kinematics::Corrected(_))
         }
         deck::Model::ExtendedCorrespondence(c) => matches!(c.law, deck::StrainLaw::J2Plasticity(_)),
-        deck::Model::LinearPeridynamicSolid(_) => false,
+        deck::Model::LinearPeridynamicSolid(_) | deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) => false,
     };
     always
         || problem.section.dimension() == 1
@@ -760,6 +768,7 @@ fn isotropic_estimate<const D: usize>(m: &deck::Material, x: [f64; 3], section: 
                     .at(x, section)
             }
         },
+        deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) => Err(thin_model(m)),
     }
 }
 
@@ -821,7 +830,17 @@ fn conditions(problem: &Problem) -> Vec<loads::Condition> {
                 let wall = Wall { normal, at, motion: Box::new(motion), stiffness };
                 out.push(loads::Condition { name, kind: Kind::RigidWall(wall), points, components: [None, None, None] });
             }
-            Condition::InitialVelocity(_) | Condition::InitialDisplacement(_) | Condition::Symmetry(_) => {}
+            // the last are refused for solids, and made elsewhere for beams and plates
+            Condition::InitialVelocity(_)
+            | Condition::InitialDisplacement(_)
+            | Condition::Symmetry(_)
+            | Condition::SimplySupported(_)
+            | Condition::Clamped(_)
+            | Condition::Pin(_)
+            | Condition::PointLoad(_)
+            | Condition::DistributedLoad(_)
+            | Condition::LineLoad(_)
+            | Condition::Moment(_) => {}
         }
     }
     out
@@ -840,10 +859,12 @@ fn travelled(v: impl Fn(f64) -> f64, t: f64) -> f64 {
         .sum()
 }
 
-/// Initial displacements and velocities, `D` words a point in sorted order.
-pub fn initial_state(problem: &Problem) -> (Vec<f64>, Vec<f64>) {
-    let d = problem.section.dimension();
+/// Initial displacements and velocities of a body of so many dofs, as many words a point, in sorted order. Beams and plates that move
+/// across alone have one word: y of a beam, z of a plate.
+pub fn initial_state(problem: &Problem, dofs: usize) -> (Vec<f64>, Vec<f64>) {
     let n = problem.cloud.len();
+    let d = dofs / n.max(1);
+    let component = |k: usize| if problem.thin && d == 1 { problem.section.dimension() } else { k };
     let (mut u, mut v) = (vec![0.0; n * d], vec![0.0; n * d]);
     for c in &problem.deck.conditions {
         let Some(set) = c.set() else { continue };
@@ -853,12 +874,12 @@ pub fn initial_state(problem: &Problem) -> (Vec<f64>, Vec<f64>) {
                 let q = p as usize * d + k;
                 match c {
                     Condition::InitialVelocity(i) => {
-                        if let Some(f) = [&i.x, &i.y, &i.z][k] {
+                        if let Some(f) = [&i.x, &i.y, &i.z][component(k)] {
                             v[q] = f.eval(x, 0.0);
                         }
                     }
                     Condition::InitialDisplacement(i) => {
-                        if let Some(f) = [&i.x, &i.y, &i.z][k] {
+                        if let Some(f) = [&i.x, &i.y, &i.z][component(k)] {
                             u[q] = f.eval(x, 0.0);
                         }
                     }

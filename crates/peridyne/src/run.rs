@@ -18,6 +18,7 @@ use solvers::load_steps::{Equilibrium, LoadSteps, StaticsError};
 use solvers::newton::{LinearSolver, Newton, NewtonOptions};
 use solvers::nonlinear_cg::{NonlinearCg, NonlinearCgOptions};
 use solvers::observe::{Ended, StepReport};
+use solvers::problem::Statics;
 use solvers::velocity_verlet::{Motion, MotionError, VelocityVerlet, stable_step};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -35,6 +36,9 @@ pub enum RunError {
     #[error(transparent)]
     Output(#[from] OutputError),
 }
+
+/// Relative error of linear solutions beyond which the user should know.
+const LOST_DIGITS: f64 = 1e-6;
 
 /// Hears how far a run is.
 pub trait Progress {
@@ -149,13 +153,14 @@ pub fn run_keeping(
     let setup = clock.elapsed().as_secs_f64();
     let Assembly { mut model, derived, warnings } = assembly;
     let mut recorder = Recorder::new(&problem, &*model, target, wanted)?;
-    let (mut u, v) = initial_state(&problem);
+    let (mut u, v) = initial_state(&problem, Statics::dofs(&*model));
     let mut constants: Vec<Constant> = derived.into_iter().map(|(name, value, unit)| Constant { name, value, unit: unit.into() }).collect();
     // the balance of energy counts from the state before the first step
     let start = model.balance(0.0, &u, &v);
     recorder.initial_energy = Some(start.kinetic + start.strain + start.contact);
     let solving = Instant::now();
     let mut solver_time = 0.0;
+    let mut lost_digits = 0.0;
     let mut found = None;
     let (exit, steps) = match &problem.deck.solver {
         Solver::VelocityVerlet(options) => {
@@ -220,7 +225,9 @@ pub fn run_keeping(
             let mut program = LoadSteps::uniform(0.0, options.end.value, options.load_steps.value as usize);
             program.smallest_fraction = options.smallest_step.value;
             recorder.span = (0.0, options.end.value);
-            statics(&mut *model, &program, method, &mut u, &mut recorder, progress, cancel)
+            let end = statics(&mut *model, &program, method, &mut u, &mut recorder, progress, cancel);
+            lost_digits = newton.linear_error();
+            end
         }
         Solver::DynamicRelaxation(options) => {
             model.set_statics(true);
@@ -259,8 +266,16 @@ pub fn run_keeping(
         constants.push(Constant { name: "points released".into(), value: broken.released as f64, unit: String::new() });
         constants.push(Constant { name: "largest damage".into(), value: damage, unit: String::new() });
     }
+    if let Some(ratio) = model.closest_approach() {
+        constants.push(Constant { name: "smallest |Y|/|ξ|".into(), value: ratio, unit: String::new() });
+    }
     let mut all_warnings = warnings;
     all_warnings.append(&mut result.warnings);
+    if lost_digits > LOST_DIGITS {
+        all_warnings.push(format!(
+            "the stiffness is so ill-conditioned that linear solutions have a relative error of at least {lost_digits:.0e}; the condition number of beams and plates grows with the fourth power of the number of points: use fewer"
+        ));
+    }
     if model.held_points() > 0 {
         all_warnings.push(format!("{} points of fragments that nothing holds were kept where they are", model.held_points()));
     }
@@ -417,7 +432,7 @@ impl<'a> Recorder<'a> {
         let mut columns: Vec<String> = deck::HISTORY.map(String::from).into();
         columns.extend(problem.deck.output.measures.iter().map(|m| m.name.value.clone()));
         for name in &conditions {
-            columns.extend((0..d).map(|k| format!("reaction.{name}.{}", axis_name(k))));
+            columns.extend((0..problem.directions()).map(|k| format!("reaction.{name}.{}", axis_name(k))));
         }
         let history = match &folder {
             Some(f) => Some(History::create(&f.join("history.csv"), &columns.iter().map(String::as_str).collect::<Vec<_>>())?),
@@ -589,7 +604,7 @@ impl<'a> Recorder<'a> {
         }
         for c in 0..self.conditions.len() {
             let r = model.resultant(c, t, u, Some(v));
-            row.extend(&r[..self.problem.section.dimension()]);
+            row.extend(&r[..self.problem.directions()]);
         }
         row
     }
@@ -631,8 +646,12 @@ impl<'a> Recorder<'a> {
         for p in self.problem.deck.output.pictures.iter().filter(|p| wanted(&p.time)) {
             let shown = component(model, &p.field, t, u, v);
             let name = p.name.as_ref().map_or_else(|| p.field.to_string().replace('.', "_"), |n| n.value.clone());
-            let body =
-                picture::Body { dimension: self.problem.section.dimension(), reference: &self.reference, displacement, edge: &self.edge };
+            let body = picture::Body {
+                dimension: self.problem.section.dimension() + usize::from(self.problem.thin),
+                reference: &self.reference,
+                displacement,
+                edge: &self.edge,
+            };
             let label = p.field.to_string();
             let signed = shown.iter().any(|x| *x < 0.0) && shown.iter().any(|x| *x > 0.0);
             let damage = p.field.field.name() == "damage";

@@ -247,6 +247,7 @@ fn patch_problem(problem: &Problem, material: usize, lattice: &Lattice, typical:
         neighbors,
         hidden_bonds: 0,
         cracks: None,
+        thin: false,
         constants_at: Some(place),
         cloud,
     };
@@ -355,6 +356,14 @@ fn material_spectrum(
 /// # Errors
 /// Faults of the deck that show only here: a model that the lattice cannot carry, modes that are not found.
 pub fn analyse(problem: &Problem, model: &mut dyn Simulated, options: &Options) -> Result<Report, DeckErrors> {
+    if problem.thin {
+        let issue = deck::Issue::new(
+            problem.deck.body.span,
+            "plane waves are analysed in solids, not in beams and plates",
+            "use `velocity_verlet` for their vibrations",
+        );
+        return Err(problem.deck.errors(vec![issue]));
+    }
     let d = problem.cloud.dimension;
     let mut report = Report { dimension: d, ..Report::default() };
     match lattice_of(&problem.cloud) {
@@ -382,7 +391,7 @@ pub fn analyse(problem: &Problem, model: &mut dyn Simulated, options: &Options) 
             0
         }
     };
-    let (u, _) = initial_state(problem);
+    let (u, _) = initial_state(problem, dofs);
     if count > 0 {
         match body_modes(model, &u, count, rayon::current_num_threads()) {
             Ok(modes) => report.modes = Some(modes),
@@ -419,6 +428,9 @@ pub fn analyse(problem: &Problem, model: &mut dyn Simulated, options: &Options) 
 /// What `check` tells: one line a material, and warnings. Small patches and coarse grids only.
 pub fn quick(problem: &Problem) -> (Vec<String>, Vec<String>) {
     let (mut lines, mut warnings) = (vec![], vec![]);
+    if problem.thin {
+        return (lines, warnings);
+    }
     let d = problem.cloud.dimension;
     let Ok(lattice) = lattice_of(&problem.cloud) else {
         lines.push("no lattice: zero-energy modes not looked for".into());

@@ -54,6 +54,10 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     /// Writes the history of an accepted increment: `point` holds [`MEMORY`](Self::MEMORY) words, `bonds[k]` word `k`
     /// of the family's slots, from its first one.
     fn commit(&self, _: &Self::Constants, _: &Self::Shape, _: Family<f64, D>, _point: &mut [f64], _bonds: &mut [&mut [f64]]) {}
+    /// p, where the stiffness of a bond grows with (|Y|/|ξ|)⁻²ᵖ when its ends meet: explicit steps must then shrink with it.
+    fn collapse(&self) -> Option<f64> {
+        None
+    }
     /// What the shape had to do without in a family that is too poor, for the log.
     fn shortfall(&self, _: &Self::Shape) -> Option<&'static str> {
         None

@@ -66,12 +66,18 @@ pub enum Ordering {
 pub struct DirectReport {
     /// `‖b − A x‖ / ‖b‖` over free dofs, after refinement.
     pub residual: f64,
+    /// Size of the correction by refinement relative to the solution: about condition number times round-off, so an estimate of the
+    /// error of the solution.
+    pub error: f64,
 }
 
 /// Nested dissection is taken up to this much more fill than minimum degree: its supernodes are larger, so it is faster at equal fill.
 const EQUAL_FILL: f64 = 1.05;
-/// Relative residual beyond which a solution is not returned.
+/// Relative residual beyond which a solution is looked at more closely.
 const INACCURATE: f64 = 1e-6;
+/// Relative correction beyond which such a solution is not returned. Stiff systems (beams of many points) have residuals of round-off
+/// times ‖A‖‖x‖/‖b‖, however good the solution; what tells a bad one is that its correction is not small.
+const UNSETTLED: f64 = 1e-2;
 /// A pivot that elimination has reduced to less than this part of its diagonal entry is all round-off: the matrix is singular.
 const SINGULAR: f64 = 8.0 * f64::EPSILON;
 
@@ -316,13 +322,15 @@ impl SparseCholesky {
         }
         let scale = vector::norm(&self.right);
         if scale == 0.0 {
-            return Ok(DirectReport { residual: 0.0 });
+            return Ok(DirectReport { residual: 0.0, error: 0.0 });
         }
         self.solution.copy_from_slice(&self.right);
         self.back_substitute(false);
         let mut reached = self.compute_residual() / scale;
+        let mut error = 0.0;
         if reached > 4.0 * f64::EPSILON {
             self.back_substitute(true);
+            error = vector::norm(&self.residual) / vector::norm(&self.solution);
             vector::add_scaled(&mut self.solution, 1.0, &self.residual);
             // Keep the refined solution only where it is better: near singular matrices can make it worse.
             self.correction.copy_from_slice(&self.residual);
@@ -333,13 +341,13 @@ impl SparseCholesky {
                 vector::add_scaled(&mut self.solution, -1.0, &self.correction);
             }
         }
-        if reached > INACCURATE || reached.is_nan() {
+        if (reached > INACCURATE && error > UNSETTLED) || reached.is_nan() || error.is_nan() {
             return Err(DirectError::Inaccurate { residual: reached, dof: self.dof[self.weakest] as usize });
         }
         for (&dof, &value) in self.dof.iter().zip(&self.solution) {
             x[dof as usize] = value;
         }
-        Ok(DirectReport { residual: reached })
+        Ok(DirectReport { residual: reached, error })
     }
 
     /// Solves in place with the factor alone: in `residual` or in `solution`.

@@ -17,7 +17,7 @@
 
 use std::sync::Arc;
 
-use crate::direct::{DirectError, SparseCholesky};
+use crate::direct::{DirectError, DirectReport, SparseCholesky};
 use crate::krylov::{BlockJacobi, ConjugateGradients, Gmres, KrylovEnd, KrylovOptions, KrylovReport};
 use crate::load_steps::{Equilibrated, Equilibrium, EquilibriumError, ROUND_OFF_RESIDUAL, Scale, residual, worst_dof};
 use crate::observe::{Cancel, cancelled};
@@ -103,6 +103,8 @@ struct Linear {
     iterations: usize,
     modified: usize,
     name: &'static str,
+    /// Largest estimate of the error of a direct solution so far.
+    error: f64,
 }
 
 /// Levenberg–Marquardt shifts, relative to the diagonal. The first two are for tangents that are singular, not indefinite (a piece that
@@ -129,6 +131,7 @@ impl Newton {
             iterations: 0,
             modified: 0,
             name: "",
+            error: 0.0,
         };
         let empty = Vec::new;
         Self { options, linear, f: empty(), trial_f: empty(), trial: empty(), direction: empty(), right: empty(), moved: empty() }
@@ -137,6 +140,12 @@ impl Newton {
     /// The direct solver in use, if any: for reports on fill and ordering.
     pub fn cholesky(&self) -> Option<&SparseCholesky> {
         self.linear.cholesky.as_ref()
+    }
+
+    /// Largest estimate so far of the relative error of a direct linear solution (see [`crate::direct::DirectReport::error`]): where it is not
+    /// small, the stiffness is so ill-conditioned that digits are lost.
+    pub fn linear_error(&self) -> f64 {
+        self.linear.error
     }
 
     fn resize(&mut self, n: usize) {
@@ -373,6 +382,12 @@ impl Equilibrium for Newton {
     }
 }
 
+/// The residual of a direct solution; its error is remembered.
+fn solved(report: DirectReport, error: &mut f64) -> f64 {
+    *error = error.max(report.error);
+    report.residual
+}
+
 impl Linear {
     /// Solves `K(u) x = b`, possibly with a modified `K`; returns the relative residual. `reference`: `u` is the reference
     /// configuration and its factor may be kept.
@@ -440,7 +455,7 @@ impl Linear {
             unreachable!("`prepare_direct` made both");
         };
         if reference && self.reference_factor {
-            return Ok(cholesky.solve(b, x)?.residual);
+            return Ok(solved(cholesky.solve(b, x)?, &mut self.error));
         }
         self.reference_factor = false;
         matrix.clear();
@@ -463,7 +478,7 @@ impl Linear {
                 self.shift = 0.0;
                 // With another load the isolated points might not be at rest.
                 self.reference_factor = reference && !isolated;
-                return Ok(cholesky.solve(b, x)?.residual);
+                return Ok(solved(cholesky.solve(b, x)?, &mut self.error));
             }
             Err(DirectError::NotPositiveDefinite { .. }) if !reference => {}
             Err(other) => return Err(other.into()),
@@ -482,7 +497,7 @@ impl Linear {
             match cholesky.factor(matrix, Some(&self.diagonal)) {
                 Ok(()) => {
                     self.shift = shift;
-                    return Ok(cholesky.solve(b, x)?.residual);
+                    return Ok(solved(cholesky.solve(b, x)?, &mut self.error));
                 }
                 Err(DirectError::NotPositiveDefinite { .. }) if shift < SHIFTS[SHIFTS.len() - 1] => {}
                 Err(other) => return Err(other.into()),

@@ -57,6 +57,15 @@ pub trait Dynamics {
     /// displacement. Asked at half steps also.
     fn prescribe_velocity(&mut self, t: f64, v: &mut [f64]);
 
+    /// The largest step from here, not above `step`, that resolves the motion: points that are about to meet, bonds that stiffen as they
+    /// collapse. `step` is stable in the reference state. Asked before every step; the default is `step`.
+    ///
+    /// # Errors
+    /// [`Stop`] where no step does.
+    fn step_limit(&mut self, _t: f64, _u: &[f64], _v: &[f64], step: f64) -> Result<f64, Stop> {
+        Ok(step)
+    }
+
     /// The increment that ends at `t` is accepted: commit history, break bonds, change conditions. Returns whether the force law
     /// changed (bonds broke), so that the force last evaluated is out of date.
     ///

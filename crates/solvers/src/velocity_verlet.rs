@@ -9,6 +9,11 @@ use crate::observe::{Cancel, Ended, Observer, StepReport, cancelled};
 use crate::problem::{Dynamics, Stop};
 use crate::vector;
 
+/// Most parts that a step is made in, and the smallest as a fraction of the step: what needs more is a collision that the model does not
+/// prevent.
+const MOST_PARTS: usize = 100_000;
+const SMALLEST_PART: f64 = 1e-9;
+
 /// State of a motion: advanced in place, so a run can be continued.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
@@ -32,7 +37,8 @@ impl Motion {
 /// What velocity Verlet needs to know.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VelocityVerlet {
-    /// Largest time step. The run uses the largest step not above this that divides its duration evenly.
+    /// Largest time step. The run uses the largest step not above this that divides its duration evenly; where the body asks for
+    /// shorter ones ([`Dynamics::step_limit`]) such a step is made in several parts.
     pub time_step: f64,
     /// Time at which to end.
     pub end: f64,
@@ -134,22 +140,40 @@ impl VelocityVerlet {
             // Times by multiplication: sums of many small steps drift.
             let time = if k == steps { self.end } else { start + k as f64 * dt };
             let step = first_step + k;
-            kick(&mut motion.v, 0.5 * dt, &force, problem.mass(), problem.fixed());
-            problem.prescribe_velocity(time - 0.5 * dt, &mut motion.v);
-            before.copy_from_slice(&motion.u);
-            vector::add_scaled(&mut motion.u, dt, &motion.v);
-            problem.prescribe_displacement(time, &mut motion.u);
-            for (dof, &fixed) in problem.fixed().iter().enumerate() {
-                if fixed {
-                    motion.v[dof] = (motion.u[dof] - before[dof]) / dt;
+            motion.step = step;
+            let mut left = dt;
+            for part in 1.. {
+                let limit = problem.step_limit(time - left, &motion.u, &motion.v, dt).map_err(stopped(step, time - left))?;
+                // written so that a limit that is not a number is refused too
+                let resolved = limit > dt * SMALLEST_PART && part <= MOST_PARTS;
+                if !resolved {
+                    return Err(stopped(step, time - left)(Stop::new(format!(
+                        "points approach so fast that {MOST_PARTS} parts of a step, or parts of {SMALLEST_PART} of it, do not resolve them; \
+                         reduce the load, or give the material an exponent that resists collapse"
+                    ))));
+                }
+                let h = if limit >= left * (1.0 - 1e-12) { left } else { left / (left / limit).ceil() };
+                left -= h;
+                let time = if left > 0.0 { time - left } else { time };
+                kick(&mut motion.v, 0.5 * h, &force, problem.mass(), problem.fixed());
+                problem.prescribe_velocity(time - 0.5 * h, &mut motion.v);
+                before.copy_from_slice(&motion.u);
+                vector::add_scaled(&mut motion.u, h, &motion.v);
+                problem.prescribe_displacement(time, &mut motion.u);
+                for (dof, &fixed) in problem.fixed().iter().enumerate() {
+                    if fixed {
+                        motion.v[dof] = (motion.u[dof] - before[dof]) / h;
+                    }
+                }
+                motion.time = time;
+                problem.force(time, &motion.u, &motion.v, &mut force).map_err(stopped(step, time))?;
+                kick(&mut motion.v, 0.5 * h, &force, problem.mass(), problem.fixed());
+                problem.prescribe_velocity(time, &mut motion.v);
+                problem.accept(time, &motion.u, &motion.v).map_err(stopped(step, time))?;
+                if left <= 0.0 {
+                    break;
                 }
             }
-            motion.time = time;
-            motion.step = step;
-            problem.force(time, &motion.u, &motion.v, &mut force).map_err(stopped(step, time))?;
-            kick(&mut motion.v, 0.5 * dt, &force, problem.mass(), problem.fixed());
-            problem.prescribe_velocity(time, &mut motion.v);
-            problem.accept(time, &motion.u, &motion.v).map_err(stopped(step, time))?;
             if step.is_multiple_of(every) || k == steps {
                 (report.step, report.time, report.station) = (step, time, k == steps);
                 if observer.step(&report, problem, &motion.u, &motion.v) == ControlFlow::Break(()) {

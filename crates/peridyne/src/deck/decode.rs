@@ -24,6 +24,8 @@ pub(crate) struct Context {
     pub set_names: Option<Vec<String>>,
     /// The dimension of space, unless it is at fault.
     pub dimension: Option<usize>,
+    /// Whether the body is a beam or a plate, which moves out of its line or plane.
+    pub thin: bool,
 }
 
 impl Context {

@@ -230,6 +230,7 @@ impl Deck {
             issues,
             set_names: set_names(&current),
             dimension: None,
+            thin: false,
         };
         if let Some(node) = current.get("units").filter(|node| !node.is_null()) {
             let before = cx.issues.len();

@@ -75,6 +75,16 @@ kinds! {
     Angle ANGLE: "an angle", dimension(0, 0, 0, 0), "`30 deg`, `0.5 rad`, `pi/6`";
     /// A pure number.
     Number NUMBER: "a pure number", dimension(0, 0, 0, 0), "`0.25`, `2 %`";
+    /// A force.
+    Force FORCE: "a force", dimension(1, 1, -2, 0), "`5 kN`";
+    /// A force per length.
+    LineForce LINE_FORCE: "a force per length", dimension(1, 0, -2, 0), "`5 kN/m`";
+    /// A moment, or the bending stiffness of a plate.
+    MomentOfForce MOMENT_OF_FORCE: "a moment", dimension(1, 2, -2, 0), "`20 N*m`";
+    /// The bending stiffness of a beam.
+    BeamStiffness BEAM_STIFFNESS: "a bending stiffness", dimension(1, 3, -2, 0), "`200 N*m^2`";
+    /// A curvature.
+    Curvature CURVATURE: "a curvature", dimension(0, -1, 0, 0), "`0.1 1/m`";
     /// A quantity whose dimension depends on other keys.
     Any ANY_KIND: "a quantity", None, "`0.5 mm`, `72 GPa`";
 }

@@ -126,6 +126,10 @@ impl std::fmt::Display for ExponentError {
 impl std::error::Error for ExponentError {}
 
 impl SethHill {
+    /// m
+    pub fn value(self) -> f64 {
+        self.m
+    }
     /// The exponent m, any number between −[`MAX_EXPONENT`] and [`MAX_EXPONENT`].
     pub fn new(m: f64) -> Result<Self, ExponentError> {
         if m.is_nan() || m.abs() > MAX_EXPONENT {
@@ -393,6 +397,10 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
             let strain = self.strained(shape, h).strain;
             self.law.commit(c, &seen_by_law::<_, _, D>(L::MEMORY, strain, h), point);
         }
+    }
+    fn collapse(&self) -> Option<f64> {
+        // c^(m − 1) of eq. (13)
+        (self.exponent.value() < 1.0).then(|| 1.0 - self.exponent.value())
     }
     fn shortfall(&self, shape: &BondStrainShape) -> Option<&'static str> {
         shape.truncated.then_some("fewer than d(d + 1)/2 independent directions: strains that no bond sees are left at zero")

@@ -86,6 +86,19 @@ section! {
         block: Option<Text>,
         /// Random shifts of the points, to test how results depend on the lattice.
         jitter: Option<Jitter>,
+        /// Where points lie in their cells.
+        placement: Placement = "centers",
+    }
+}
+
+choice! {
+    /// Where the points of a lattice lie.
+    pub enum Placement as "a placement" {
+        /// In the centres of the cells: at `(i + 1/2)` spacings.
+        Centers = "centers",
+        /// On the edges of the body and every spacing between: at `i` spacings (`line` and `rectangle`; for beams and plates, whose
+        /// points on edges stand for half a cell).
+        Edges = "edges",
     }
 }
 

@@ -23,6 +23,20 @@ choice! {
         Symmetry(Symmetry) = "symmetry",
         /// A rigid plane that pushes the body.
         RigidWall(RigidWall) = "rigid_wall",
+        /// A simply supported end or straight edge of a beam or plate.
+        SimplySupported(super::thin::Edge) = "simply_supported",
+        /// A clamped end or straight edge of a beam or plate.
+        Clamped(super::thin::Edge) = "clamped",
+        /// A support inside a beam or plate: the mean deflection of a group of points is prescribed.
+        Pin(super::thin::Pin) = "pin",
+        /// A force at a place of a beam or plate.
+        PointLoad(super::thin::PointLoad) = "point_load",
+        /// A force per length of a beam, or per area of a plate.
+        DistributedLoad(super::thin::DistributedLoad) = "distributed_load",
+        /// A force per length along a line of points of a plate.
+        LineLoad(super::thin::LineLoad) = "line_load",
+        /// A moment at a place of a beam.
+        Moment(super::thin::MomentLoad) = "moment",
     }
 }
 
@@ -189,8 +203,30 @@ impl Condition {
             Condition::Traction(condition) => Some(&condition.set),
             Condition::InitialVelocity(condition) => Some(&condition.set),
             Condition::InitialDisplacement(condition) => Some(&condition.set),
-            Condition::Symmetry(_) | Condition::RigidWall(_) => None,
+            Condition::Pin(condition) => Some(&condition.set),
+            Condition::DistributedLoad(condition) => Some(&condition.set),
+            Condition::LineLoad(condition) => Some(&condition.set),
+            Condition::Symmetry(_)
+            | Condition::RigidWall(_)
+            | Condition::SimplySupported(_)
+            | Condition::Clamped(_)
+            | Condition::PointLoad(_)
+            | Condition::Moment(_) => None,
         }
+    }
+
+    /// Whether it is for beams and plates alone.
+    pub fn is_thin(&self) -> bool {
+        matches!(
+            self,
+            Condition::SimplySupported(_)
+                | Condition::Clamped(_)
+                | Condition::Pin(_)
+                | Condition::PointLoad(_)
+                | Condition::DistributedLoad(_)
+                | Condition::LineLoad(_)
+                | Condition::Moment(_)
+        )
     }
 
     /// The name in histories: as given, else kind and set, as in `displacement_left`.
@@ -201,12 +237,21 @@ impl Condition {
             Condition::ForceDensity(condition) => condition.name.as_ref(),
             Condition::Traction(condition) => condition.name.as_ref(),
             Condition::RigidWall(condition) => condition.name.as_ref(),
+            Condition::SimplySupported(condition) | Condition::Clamped(condition) => condition.name.as_ref(),
+            Condition::Pin(condition) => condition.name.as_ref(),
+            Condition::PointLoad(condition) => condition.name.as_ref(),
+            Condition::DistributedLoad(condition) => condition.name.as_ref(),
+            Condition::LineLoad(condition) => condition.name.as_ref(),
+            Condition::Moment(condition) => condition.name.as_ref(),
             _ => None,
         };
         match (given, self.set(), self) {
             (Some(name), ..) => name.value.clone(),
             (None, Some(set), _) => format!("{}_{}", self.name(), set.value),
             (None, None, Condition::Symmetry(plane)) => format!("symmetry_{}", plane.normal.name()),
+            (None, None, Condition::SimplySupported(edge) | Condition::Clamped(edge)) => {
+                format!("{}_{}", self.name(), edge.normal.name())
+            }
             (None, None, _) => self.name().into(),
         }
     }
@@ -222,24 +267,41 @@ impl Condition {
             Condition::InitialDisplacement(condition) => condition.span,
             Condition::Symmetry(condition) => condition.span,
             Condition::RigidWall(condition) => condition.span,
+            Condition::SimplySupported(condition) | Condition::Clamped(condition) => condition.span,
+            Condition::Pin(condition) => condition.span,
+            Condition::PointLoad(condition) => condition.span,
+            Condition::DistributedLoad(condition) => condition.span,
+            Condition::LineLoad(condition) => condition.span,
+            Condition::Moment(condition) => condition.span,
         }
     }
 }
 
 fn check_axis(axis: usize, span: crate::deck::Span, cx: &mut Context) {
+    // beams and plates move out of their line or plane
+    if cx.thin {
+        return;
+    }
     if let Some(dimension) = cx.dimension.filter(|dimension| axis >= *dimension) {
         let name = ["x", "y", "z"][axis];
         cx.fault(span, format!("there is no `{name}` direction in a {dimension}D body"), "remove it");
     }
 }
 
+/// A plane must be normal to a direction in which the body extends.
+pub(super) fn check_normal(axis: usize, span: crate::deck::Span, cx: &mut Context) {
+    let thin = std::mem::replace(&mut cx.thin, false);
+    check_axis(axis, span, cx);
+    cx.thin = thin;
+}
+
 fn check_symmetry(plane: &Symmetry, cx: &mut Context) {
-    check_axis(plane.normal.index(), plane.normal.span, cx);
+    check_normal(plane.normal.index(), plane.normal.span, cx);
 }
 
 macro_rules! needs_component {
     ($($check:ident: $type:ty;)*) => {$(
-        fn $check(condition: &$type, cx: &mut Context) {
+        pub(super) fn $check(condition: &$type, cx: &mut Context) {
             let spans = [&condition.x, &condition.y, &condition.z].map(|component| component.as_ref().map(|field| field.span));
             if spans == [None; 3] {
                 cx.fault(condition.span, "no component is given", "give at least one of `x`, `y`, `z`");
@@ -260,6 +322,9 @@ needs_component! {
     check_traction: TractionCondition;
     check_initial_velocity: InitialVelocity;
     check_initial_displacement: InitialDisplacement;
+    check_point_load: super::thin::PointLoad;
+    check_distributed_load: super::thin::DistributedLoad;
+    check_line_load: super::thin::LineLoad;
 }
 
 fn check_wall(wall: &RigidWall, cx: &mut Context) {

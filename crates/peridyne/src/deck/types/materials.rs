@@ -31,6 +31,17 @@ choice! {
         Correspondence(Correspondence) = "correspondence",
         /// A law of a strain applied to a nonlocal strain made of nonlinear strains of the bonds.
         ExtendedCorrespondence(ExtendedCorrespondence) = "extended_correspondence",
+        /// A beam of bond pairs: points on a line that resist bending.
+        BondPairBeam(super::thin::BondPairBeam) = "bond_pair_beam",
+        /// A plate of bond pairs: points on a plane that resist bending.
+        BondMultiplePlate(super::thin::BondMultiplePlate) = "bond_multiple_plate",
+    }
+}
+
+impl Model {
+    /// Whether it is one of thin bodies: a beam or a plate.
+    pub fn is_thin(&self) -> bool {
+        matches!(self, Model::BondPairBeam(_) | Model::BondMultiplePlate(_))
     }
 }
 

@@ -8,6 +8,7 @@ mod sets;
 mod solver;
 mod spectrum;
 mod study;
+mod thin;
 
 pub use body::*;
 pub use conditions::*;
@@ -18,3 +19,4 @@ pub use sets::*;
 pub use solver::*;
 pub use spectrum::*;
 pub use study::*;
+pub use thin::*;

@@ -64,6 +64,12 @@ choice! {
         Material = "material",
         /// Number of the point.
         Id = "id",
+        /// Curvature of beams and plates.
+        Curvature = "curvature",
+        /// Moment of beams, and of plates per width.
+        Moment = "moment",
+        /// Largest plastic angle of the bond pairs of beams and plates.
+        PlasticAngle = "plastic_angle",
     }
 }
 
@@ -72,7 +78,7 @@ impl FieldName {
     pub fn components(&self) -> &'static [&'static str] {
         match self {
             FieldName::Displacement | FieldName::Velocity | FieldName::ForceDensity => &["x", "y", "z", "magnitude"],
-            FieldName::Strain | FieldName::Stress => &["xx", "yy", "zz", "yz", "xz", "xy"],
+            FieldName::Strain | FieldName::Stress | FieldName::Curvature | FieldName::Moment => &["xx", "yy", "zz", "yz", "xz", "xy"],
             FieldName::DeformationGradient => &["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"],
             _ => &[],
         }
@@ -155,6 +161,7 @@ impl JsonSchema for FieldComponent {
                 issues: Vec::new(),
                 set_names: None,
                 dimension: None,
+                thin: false,
             };
             if let Some(field) = FieldName::decode(&Node::scalar(*name, span), &mut cx) {
                 match field.components() {

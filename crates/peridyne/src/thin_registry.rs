@@ -1,0 +1,467 @@
+//! Beams and plates: from the deck to a [`ThinStructure`].
+
+use crate::deck::{
+    self, AngleMeasure, BeamMotion, BondMultiplePlate, BondPairBeam, Condition, CrossSection, Issue, Model, PairBehavior, PairPotential,
+    PairWeights, Placement, PlateInfluence, PlateMotion, Points, Span,
+};
+use crate::problem::Problem;
+use crate::registry::{Assembly, Derived};
+use bodies::loads::Field;
+use thin::ThinError;
+use thin::angle::{Kinematics, Potential};
+use thin::beam::Beam;
+use thin::body::Thin;
+use thin::layout::{Layout, Mirror, Parity};
+use thin::loads::{Action, Condition as Load, couple, spread};
+use thin::pairs::Law;
+use thin::plate::{IsotropicWeight, Limit, Plate};
+use thin::section::{ArmTable, Properties, Section, Weighting};
+use thin::structure::{Brittle, PointData, ThinStructure};
+use thin::weights::Influence;
+
+type Checked<T> = Result<T, Vec<Issue>>;
+
+/// Builds the beam or plate of a problem.
+pub fn assemble(problem: &Problem) -> Checked<Assembly> {
+    let deck = &problem.deck;
+    let mut materials = deck.materials.iter();
+    let Some((_, material)) = materials.next() else { return Err(vec![]) };
+    if let Some((name, _)) = materials.next() {
+        return Err(vec![Issue::new(
+            name.span,
+            "a beam or plate has one material",
+            "let its stiffness vary in space by expressions of x and y",
+        )]);
+    }
+    if let Some(damage) = &material.damage {
+        return Err(vec![Issue::new(damage.span, "`damage` is for solids", "use `behavior: brittle` in the model of a beam or plate")]);
+    }
+    match &material.model {
+        Model::BondPairBeam(b) => match b.motion {
+            BeamMotion::Transverse => beam::<1>(problem, material, b),
+            BeamMotion::Planar => beam::<2>(problem, material, b),
+            BeamMotion::Spatial => beam::<3>(problem, material, b),
+        },
+        Model::BondMultiplePlate(p) => match p.motion {
+            PlateMotion::Transverse => plate::<1>(problem, material, p),
+            PlateMotion::Spatial => plate::<3>(problem, material, p),
+        },
+        _ => Err(vec![Issue::new(material.points.span, "the model is not one of thin bodies", "use one model")]),
+    }
+}
+
+fn fault(span: Span) -> impl Fn(ThinError) -> Vec<Issue> {
+    move |e| vec![Issue::new(span, e.to_string(), "correct the deck accordingly")]
+}
+
+/// Values of a field at all points, or one if it is constant.
+fn values<K>(field: &deck::SpaceField<K>, problem: &Problem) -> Vec<f64>
+where
+    K: deck::Kind,
+{
+    match field.constant() {
+        Some(value) => vec![value],
+        None => problem.cloud.position.iter().map(|&x| field.eval(x, 0.0)).collect(),
+    }
+}
+
+/// A product or other function of two lists, each of one or all values.
+fn combine(a: &[f64], b: &[f64], f: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+    let at = |v: &[f64], k: usize| v[if v.len() == 1 { 0 } else { k }];
+    (0..a.len().max(b.len())).map(|k| f(at(a, k), at(b, k))).collect()
+}
+
+fn layout(problem: &Problem, plane: bool) -> Checked<Layout> {
+    let deck = &problem.deck;
+    let positions = &problem.cloud.position;
+    let made = if plane { Layout::plane(positions) } else { Layout::line(positions) };
+    let mut mirrors = vec![];
+    let mut span = deck.body.span;
+    for c in &deck.conditions {
+        let (normal, at, parity) = match c {
+            Condition::SimplySupported(e) if e.mirror => (&e.normal, e.at.value, Parity::Odd),
+            Condition::Clamped(e) if e.mirror => (&e.normal, e.at.value, Parity::Even),
+            Condition::Symmetry(s) => (&s.normal, s.at.value, Parity::Even),
+            _ => continue,
+        };
+        span = c.span();
+        let mut n = [0.0; 3];
+        n[normal.value.index()] = 1.0;
+        mirrors.push(Mirror { normal: n, at, parity });
+    }
+    made.map_err(fault(deck.body.span))?.with_mirrors(&mirrors).map_err(fault(span))
+}
+
+/// Lengths or areas of the points: trapezoidal where points lie on edges, as generated or given where they are centres of cells.
+fn measure(problem: &Problem) -> Option<Vec<f64>> {
+    let on_edges = |p: &Points| match p {
+        Points::Line(s) => matches!(s.lattice.placement, Placement::Edges),
+        Points::Rectangle(s) => matches!(s.lattice.placement, Placement::Edges),
+        _ => false,
+    };
+    if problem.deck.body.points.iter().any(on_edges) {
+        return None;
+    }
+    let section = problem.section.measure();
+    Some(problem.cloud.volume.iter().map(|v| v / section).collect())
+}
+
+fn potential(p: &PairPotential) -> Potential {
+    match p {
+        PairPotential::Square => Potential::Square,
+        PairPotential::Cosine => Potential::Cosine,
+    }
+}
+
+fn kinematics(a: &AngleMeasure) -> Kinematics {
+    match a {
+        AngleMeasure::Small => Kinematics::Small,
+        AngleMeasure::Exact => Kinematics::Exact,
+    }
+}
+
+fn law(behavior: &PairBehavior, p: &PairPotential) -> Law {
+    match behavior {
+        PairBehavior::Elastic | PairBehavior::Brittle(_) => Law::Elastic(potential(p)),
+        PairBehavior::NonlinearElastic => Law::NonlinearElastic,
+        PairBehavior::ElasticPlastic => Law::ElasticPlastic,
+    }
+}
+
+fn brittle(behavior: &PairBehavior) -> Option<Brittle> {
+    match behavior {
+        PairBehavior::Brittle(b) => Some(Brittle { batch: b.batch.value }),
+        _ => None,
+    }
+}
+
+fn section_of(s: &CrossSection) -> Section {
+    match s {
+        CrossSection::Rectangle(r) => Section::Rectangle { width: r.width.value, height: r.height.value },
+        CrossSection::I(i) => {
+            Section::I { width: i.width.value, height: i.height.value, web_width: i.web_width.value, web_height: i.web_height.value }
+        }
+        CrossSection::Tube(t) => Section::Tube { outer: t.outer.value, inner: t.inner.value },
+        CrossSection::Profile(p) => {
+            let width = p.width.clone();
+            Section::Custom {
+                height: p.height.value,
+                width: Box::new(move |y| width.eval([0.0, y, 0.0], 0.0)),
+                breaks: p.breaks.iter().map(|b| b.value).collect(),
+            }
+        }
+    }
+}
+
+fn beam<const D: usize>(problem: &Problem, material: &deck::Material, b: &BondPairBeam) -> Checked<Assembly> {
+    let layout = layout(problem, false)?;
+    let horizon = problem.horizon[0];
+    let count = (horizon / layout.spacing[0] * (1.0 + 1e-9)).floor() as usize;
+    let uneven = problem.horizon.iter().any(|h| (h / horizon - 1.0).abs() > 1e-9);
+    if count == 0 || uneven {
+        let span = problem.deck.body.horizon.span;
+        return Err(vec![Issue::new(
+            span,
+            "a beam needs one horizon of at least a spacing for all points",
+            "write for example `horizon: 3*dx`",
+        )]);
+    }
+    let properties: Option<Properties> =
+        b.cross_section.as_ref().map(|s| section_of(s).properties(count)).transpose().map_err(fault(b.span))?;
+    let weighting = match b.weights {
+        PairWeights::Layer => Weighting::Layer,
+        PairWeights::Uniform => Weighting::Uniform,
+        PairWeights::Width => Weighting::Width,
+        PairWeights::Thesis => Weighting::Thesis,
+    };
+    let plain = || -> Checked<Properties> { Section::Rectangle { width: 1.0, height: 1.0 }.properties(count).map_err(fault(b.span)) };
+    let mut arms: ArmTable = match &properties {
+        Some(p) => p.arms(weighting),
+        // without a section: one of constant width
+        None => plain()?.arms(weighting),
+    };
+    if brittle(&b.behavior).is_some() {
+        // pairs break at one angle, whatever their arm
+        arms.limit.fill(1.0);
+    }
+    let mut derived: Vec<Derived> = vec![];
+    let young = b.youngs_modulus.as_ref().map(|f| values(f, problem));
+    let from_section = |moment: f64| young.as_ref().map(|e| e.iter().map(|e| e * moment).collect::<Vec<f64>>());
+    let given = b.bending_stiffness.as_ref().map(|f| values(f, problem));
+    let Some(bending) = given.or_else(|| properties.as_ref().and_then(|p| from_section(p.second_moment))) else {
+        return Err(vec![Issue::new(b.span, "the bending stiffness is not known", "give `bending_stiffness`")]);
+    };
+    let axial = b.axial_stiffness.as_ref().map(|f| values(f, problem));
+    let axial = axial.or_else(|| properties.as_ref().and_then(|p| from_section(p.area)));
+    let limit = match (&b.yield_stress, &b.limit_curvature, &young, &properties) {
+        (Some(stress), _, Some(young), Some(p)) => Some(combine(&values(stress, problem), young, |s, e| 2.0 * s / (e * p.height))),
+        (_, Some(curvature), ..) => Some(values(curvature, problem)),
+        _ => None,
+    };
+    derived.push(("arms of a pair".into(), count as f64, ""));
+    derived.push(("bending stiffness EI".into(), bending[0], "force length^2"));
+    if let Some(p) = &properties {
+        derived.push(("second moment of the section".into(), p.second_moment, "length^4"));
+        derived.push(("plastic over yield moment of the section".into(), p.plastic_modulus / p.elastic_modulus, ""));
+    }
+    derived.push(("plastic over yield moment of the pairs".into(), arms.shape_factor(), ""));
+    if let Some(limit) = &limit {
+        derived.push(("yield moment".into(), bending[0] * limit[0], "force length"));
+    }
+    let measure = measure(problem);
+    let body: Thin<D> = Beam {
+        bending: &bending,
+        axial: axial.as_deref(),
+        arms: &arms,
+        limit_curvature: limit.as_deref(),
+        law: law(&b.behavior, &b.potential),
+        kinematics: kinematics(&b.angle),
+        measure: measure.as_deref(),
+    }
+    .build(layout)
+    .map_err(fault(b.span))?;
+    let area = properties.as_ref().map_or(problem.section.measure(), |p| p.area);
+    finish(problem, material, body, brittle(&b.behavior), vec![area], derived)
+}
+
+fn plate<const D: usize>(problem: &Problem, material: &deck::Material, p: &BondMultiplePlate) -> Checked<Assembly> {
+    let layout = layout(problem, true)?;
+    let horizon = problem.horizon[0];
+    if problem.horizon.iter().any(|h| (h / horizon - 1.0).abs() > 1e-9) {
+        let span = problem.deck.body.horizon.span;
+        return Err(vec![Issue::new(span, "a plate needs one horizon for all points", "write for example `horizon: 3*dx`")]);
+    }
+    let nu = p.poisson_ratio.value;
+    let young = p.youngs_modulus.as_ref().map(|f| values(f, problem));
+    let thickness = p.thickness.as_ref().map(|f| values(f, problem));
+    let solid = young.as_ref().zip(thickness.as_ref());
+    let given = p.bending_stiffness.as_ref().map(|f| values(f, problem));
+    let Some(rigidity) = given.or_else(|| solid.map(|(e, h)| combine(e, h, |e, h| e * h.powi(3) / (12.0 * (1.0 - nu * nu))))) else {
+        return Err(vec![Issue::new(p.span, "the bending stiffness is not known", "give `bending_stiffness`")]);
+    };
+    let membrane = p.membrane_stiffness.as_ref().map(|f| values(f, problem));
+    let membrane = membrane.or_else(|| solid.map(|(e, h)| combine(e, h, |e, h| e * h)));
+    // a given tension needs a membrane stiffness only to share it among bonds: any will do
+    let membrane = membrane.or_else(|| p.tension.as_ref().filter(|_| D == 1).map(|_| vec![1.0]));
+    let curvature = match (&p.yield_stress, &p.limit_curvature, solid) {
+        (Some(stress), _, Some((e, h))) => {
+            let strain = combine(&values(stress, problem), e, |s, e| s / e);
+            Some(combine(&strain, h, |s, h| 2.0 * s / h))
+        }
+        (_, Some(curvature), _) => Some(values(curvature, problem)),
+        _ => None,
+    };
+    let angle = p.limit_angle.as_ref().map(|f| values(f, problem));
+    // brittle pairs break at one angle, that of the horizon
+    let angle = match (&curvature, brittle(&p.behavior)) {
+        (Some(curvature), Some(_)) => Some(curvature.iter().map(|c| c * horizon).collect()),
+        _ => angle,
+    };
+    let limit = match (&angle, &curvature) {
+        (Some(angle), _) => Limit::Angle(angle),
+        (None, Some(curvature)) => Limit::Layers(curvature),
+        _ => Limit::None,
+    };
+    let mut derived: Vec<Derived> = vec![("bending stiffness D".into(), rigidity[0], "force length")];
+    if let (Some(c), None) = (&curvature, &angle) {
+        derived.push(("plastic moment of a strip".into(), 1.5 * rigidity[0] * (1.0 - nu * nu) * c[0], "force"));
+    }
+    let measure = measure(problem);
+    let body: Thin<D> = Plate {
+        horizon,
+        rigidity: &rigidity,
+        poisson: nu,
+        membrane: membrane.as_deref(),
+        influence: match p.influence {
+            PlateInfluence::Constant => Influence::Constant,
+            PlateInfluence::Length => Influence::Linear,
+            PlateInfluence::InverseLength => Influence::Inverse,
+            PlateInfluence::Cone => Influence::Conical,
+        },
+        correction: p.weight_correction,
+        isotropic: match p.isotropic_weight {
+            deck::IsotropicWeight::Energy => IsotropicWeight::Energy,
+            deck::IsotropicWeight::Thesis => IsotropicWeight::Thesis,
+        },
+        limit,
+        law: law(&p.behavior, &p.potential),
+        kinematics: kinematics(&p.angle),
+        tension: p.tension.as_ref().map(|t| t.each_ref().map(|q| q.value)),
+        measure: measure.as_deref(),
+    }
+    .build(layout)
+    .map_err(fault(p.span))?;
+    let thickness = thickness.unwrap_or_else(|| vec![problem.section.measure()]);
+    finish(problem, material, body, brittle(&p.behavior), thickness, derived)
+}
+
+/// Conditions, masses, cracks.
+fn finish<const D: usize>(
+    problem: &Problem,
+    material: &deck::Material,
+    mut body: Thin<D>,
+    brittle: Option<Brittle>,
+    across: Vec<f64>,
+    mut derived: Vec<Derived>,
+) -> Checked<Assembly> {
+    let mut warnings = vec![];
+    derived.push(("bond pairs".into(), body.pair_count() as f64, ""));
+    if let Some(cracks) = &problem.cracks {
+        let cut = body.cut(|a, b| cracks.cut(*a, *b));
+        derived.push(("pairs cut by cracks".into(), cut as f64, ""));
+        if cut == 0 {
+            warnings.push("the cracks cut no pair: check their place".into());
+        }
+    }
+    let density = material.density.as_ref().map_or(vec![1.0], |d| values(d, problem));
+    let data = PointData {
+        id: problem.cloud.id.clone(),
+        user: problem.user.clone(),
+        material: problem.material.clone(),
+        density: combine(&density, &across, |r, a| r * a),
+    };
+    let conditions = conditions(problem, &body)?;
+    let structure =
+        ThinStructure::new(body, data, conditions, brittle, problem.end().unwrap_or(0.0)).map_err(fault(problem.deck.body.span))?;
+    Ok(Assembly { model: Box::new(structure), derived, warnings })
+}
+
+/// Components in the order of a body's dofs: where it moves across alone, the one along its normal.
+fn components<const D: usize>(problem: &Problem, given: [Option<Field>; 3], spans: [Option<Span>; 3]) -> Checked<[Option<Field>; 3]> {
+    let across = problem.section.dimension();
+    let mut out = [None, None, None];
+    for (k, field) in given.into_iter().enumerate() {
+        let Some(field) = field else { continue };
+        let to = if D == 1 { if k == across { 0 } else { 3 } } else { k };
+        if to >= D {
+            let span = spans[k].unwrap_or(problem.deck.body.span);
+            let axis = ["x", "y", "z"];
+            let allowed: Vec<&str> = if D == 1 { vec![axis[across]] } else { axis[..D].to_vec() };
+            return Err(vec![Issue::new(
+                span,
+                format!("the body does not move along {}", axis[k]),
+                format!("use {}, or another `motion` of the model", allowed.join(", ")),
+            )]);
+        }
+        out[to] = Some(field);
+    }
+    Ok(out)
+}
+
+fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<Load>> {
+    let deck = &problem.deck;
+    let positions = &problem.cloud.position;
+    let mut out = vec![];
+    macro_rules! fields {
+        ($c:expr) => {{
+            let given = [&$c.x, &$c.y, &$c.z].map(|f| {
+                f.as_ref().map(|f| {
+                    let f = f.clone();
+                    Box::new(move |x, t| f.eval(x, t)) as Field
+                })
+            });
+            components::<D>(problem, given, [&$c.x, &$c.y, &$c.z].map(|f| f.as_ref().map(|f| f.span)))?
+        }};
+    }
+    // what is held on a plane
+    let on_plane = |normal: usize, at: f64| -> Vec<u32> {
+        (0..positions.len() as u32)
+            .filter(|&p| (positions[p as usize][normal] - at).abs() < 1e-4 * problem.cloud.spacing[p as usize])
+            .collect()
+    };
+    let hold = |name: String, points: Vec<u32>, which: &[usize]| Load::hold(&name, points, which);
+    let across = if D == 1 { 0 } else { problem.section.dimension() };
+    for c in &deck.conditions {
+        let name = c.label();
+        let points = c.set().map(|s| problem.set(&s.value).to_vec()).unwrap_or_default();
+        match c {
+            Condition::Displacement(d) => out.push(Load { name, action: Action::Displacement, points, components: fields!(d) }),
+            Condition::SimplySupported(e) => {
+                let points = on_plane(e.normal.value.index(), e.at.value);
+                let all: Vec<usize> = (0..D).collect();
+                // in space a beam is held across both ways
+                let which: Vec<usize> = match (e.slide, D) {
+                    (_, 1) => vec![0],
+                    (false, _) => all,
+                    (true, 3) if problem.section.dimension() == 1 => vec![1, 2],
+                    (true, _) => vec![across],
+                };
+                out.push(hold(name, points, &which));
+            }
+            Condition::Clamped(e) => {
+                let all: Vec<usize> = (0..D).collect();
+                out.push(hold(name, on_plane(e.normal.value.index(), e.at.value), &all));
+            }
+            Condition::Symmetry(s) => {
+                let k = s.normal.value.index();
+                if D > 1 && k < D {
+                    out.push(hold(name, on_plane(k, s.at.value), &[k]));
+                }
+            }
+            Condition::Pin(p) => {
+                let f = p.deflection.clone();
+                let mut components = [None, None, None];
+                components[across] = Some(Box::new(move |x, t| f.eval(x, t)) as Field);
+                out.push(Load { name, action: Action::Mean, points, components });
+            }
+            Condition::PointLoad(l) => {
+                let horizon = if l.spread { problem.horizon[0] } else { 0.0 };
+                let (points, weights) = spread(positions, l.at.point(), horizon);
+                out.push(Load { name, action: Action::Force { weights }, points, components: fields!(l) });
+            }
+            Condition::DistributedLoad(l) => {
+                let weights = points.iter().map(|&p| body.measure()[p as usize]).collect();
+                out.push(Load { name, action: Action::Force { weights }, points, components: fields!(l) });
+            }
+            Condition::LineLoad(l) => {
+                let weights = along_a_row(positions, &points);
+                out.push(Load { name, action: Action::Force { weights }, points, components: fields!(l) });
+            }
+            Condition::Moment(m) => {
+                if problem.section.dimension() != 1 {
+                    return Err(vec![Issue::new(m.span, "a moment acts on a beam", "use two line loads on a plate")]);
+                }
+                let (points, weights) = couple(positions, m.at.point(), body.layout().rows[0], problem.horizon[0]);
+                let f = m.value.clone();
+                let mut components = [None, None, None];
+                components[across] = Some(Box::new(move |x, t| f.eval(x, t)) as Field);
+                out.push(Load { name, action: Action::Force { weights }, points, components });
+            }
+            Condition::InitialVelocity(_) | Condition::InitialDisplacement(_) => {}
+            Condition::Velocity(_) | Condition::ForceDensity(_) | Condition::Traction(_) | Condition::RigidWall(_) => {
+                return Err(vec![Issue::new(
+                    c.span(),
+                    format!("`{}` is for solids", c.name()),
+                    "beams and plates have `displacement`, `distributed_load`, `point_load`, `line_load`, `pin`, `simply_supported`, `clamped`",
+                )]);
+            }
+        }
+    }
+    if let Some(temperature) = &deck.temperature {
+        return Err(vec![Issue::new(temperature.span, "beams and plates know no temperature", "remove `temperature`")]);
+    }
+    Ok(out)
+}
+
+/// Trapezoidal lengths of points along the row they lie in.
+fn along_a_row(positions: &[[f64; 3]], points: &[u32]) -> Vec<f64> {
+    let far = |from: [f64; 3]| {
+        let distance = |p: &u32| (0..3).map(|k| (positions[*p as usize][k] - from[k]).powi(2)).sum::<f64>();
+        points.iter().max_by(|a, b| distance(a).total_cmp(&distance(b))).map_or(from, |p| positions[*p as usize])
+    };
+    let Some(&first) = points.first() else { return vec![] };
+    let end = far(positions[first as usize]);
+    let mut order: Vec<(f64, usize)> = points
+        .iter()
+        .enumerate()
+        .map(|(q, &p)| ((0..3).map(|k| (positions[p as usize][k] - end[k]).powi(2)).sum::<f64>().sqrt(), q))
+        .collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut weights = vec![0.0; points.len()];
+    for pair in order.windows(2) {
+        let half = 0.5 * (pair[1].0 - pair[0].0);
+        weights[pair[0].1] += half;
+        weights[pair[1].1] += half;
+    }
+    weights
+}

@@ -1,0 +1,948 @@
+//! All families of a thin body: energy, force, tangent, breaking and plastic history. THE loops are here.
+//!
+//! `D` is the number of displacement components of a point: 1, across the body alone; 2, a beam in its plane; 3, in space. Families are
+//! handled in chunks of fixed size that add into their own rows; rows are added in the order of the chunks, so results are the same
+//! bits for any number of threads.
+
+use crate::angle::{self, Kinematics, Potential, Second};
+use crate::extension::{Extension, Prestress, stretch};
+use crate::pairs::{Law, Pair, PairFamily, Tangent};
+use crate::stencil::Ends;
+use crate::{ThinError, layout::Layout};
+use rayon::prelude::*;
+use solvers::sparse::{BlockMatrix, BlockPattern, FamilyList};
+use std::sync::Arc;
+
+/// Families of a chunk.
+const CHUNK: usize = 1024;
+
+/// Arm of a pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arm {
+    /// ξ in space.
+    pub vector: [f64; 3],
+    /// |ξ|
+    pub length: f64,
+    /// Components of the unit vector along the rows of the lattice.
+    pub direction: [f64; 2],
+}
+
+/// What a thin body is made of.
+pub struct Thin<const D: usize> {
+    pub(crate) layout: Layout,
+    pub(crate) ends: Ends<D>,
+    pub(crate) arms: Vec<Arm>,
+    pub(crate) starts: Vec<usize>,
+    pub(crate) pairs: Vec<Pair>,
+    pub(crate) intact: Vec<bool>,
+    pub(crate) plastic: Vec<f64>,
+    /// Stiffness of the isotropic term per point, volume included.
+    pub(crate) isotropic: Vec<f64>,
+    pub(crate) measure: Vec<f64>,
+    pub(crate) law: Law,
+    pub(crate) kinematics: Kinematics,
+    pub(crate) extension: Option<Extension>,
+    pub(crate) prestress: Option<Prestress>,
+    /// Points that each family couples.
+    members: Option<Arc<FamilyList>>,
+    pattern: Option<Arc<BlockPattern>>,
+    chunks: Vec<Chunk>,
+}
+
+/// A run of families with the rows of the points they touch.
+#[derive(Default)]
+struct Chunk {
+    first: usize,
+    last: usize,
+    low: usize,
+    rows: Vec<f64>,
+    scratch: Scratch,
+    energy: f64,
+}
+
+/// Room for one family.
+#[derive(Clone, Default)]
+pub(crate) struct Scratch {
+    angles: Vec<f64>,
+    elastic: Vec<f64>,
+    forces: Vec<f64>,
+    diagonal: Vec<f64>,
+    vector: Vec<f64>,
+    place: Vec<u32>,
+    outer: Vec<f64>,
+    /// A row of weights over the members of a family, where it is not zero, and whether a member is in that list.
+    line: Vec<f64>,
+    touched: Vec<u32>,
+    marked: Vec<bool>,
+}
+
+impl Scratch {
+    fn fit(&mut self, n: usize) {
+        if self.angles.len() < n {
+            for v in [&mut self.angles, &mut self.elastic, &mut self.forces, &mut self.diagonal, &mut self.vector] {
+                v.resize(n, 0.0);
+            }
+        }
+    }
+}
+
+/// Curvature and moment of a point, in the directions of the lattice rows: (11, 22, 12); beams use the first alone.
+pub type Bending = [f64; 3];
+
+impl<const D: usize> Thin<D> {
+    pub(crate) fn assemble(
+        layout: Layout,
+        ends: Ends<D>,
+        arms: Vec<Arm>,
+        starts: Vec<usize>,
+        pairs: Vec<Pair>,
+        isotropic: Vec<f64>,
+        measure: Vec<f64>,
+        law: Law,
+        kinematics: Kinematics,
+    ) -> Result<Self, ThinError> {
+        if D == 3 && !matches!(law, Law::Elastic(_)) {
+            return Err(ThinError::Unsupported {
+                what: "plastic pairs are for displacements across the body or in a plane: in space their plastic angle is a vector",
+                remedy: "use transverse or planar displacements, or an elastic law",
+            });
+        }
+        let n = pairs.len();
+        Ok(Thin {
+            layout,
+            ends,
+            arms,
+            starts,
+            intact: vec![true; n],
+            plastic: vec![0.0; if law.has_history() { n } else { 0 }],
+            pairs,
+            isotropic,
+            measure,
+            law,
+            kinematics,
+            extension: None,
+            prestress: None,
+            members: None,
+            pattern: None,
+            chunks: vec![],
+        })
+    }
+
+    /// Number of points.
+    pub fn points(&self) -> usize {
+        self.measure.len()
+    }
+
+    /// Points and lattice.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Length (beams) or area (plates) of each point.
+    pub fn measure(&self) -> &[f64] {
+        &self.measure
+    }
+
+    /// The ends of bonds.
+    pub fn ends(&self) -> &Ends<D> {
+        &self.ends
+    }
+
+    /// The pairs of a point.
+    pub fn pairs_of(&self, point: usize) -> &[Pair] {
+        &self.pairs[self.starts[point]..self.starts[point + 1]]
+    }
+
+    /// The arm of a pair.
+    pub fn arm(&self, pair: &Pair) -> &Arm {
+        &self.arms[pair.arm as usize]
+    }
+
+    /// Number of pairs.
+    pub fn pair_count(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Whether every angle is linear in the displacements and every pair elastic, so that energies are quadratic.
+    pub fn is_linear(&self) -> bool {
+        D == 1 && self.kinematics == Kinematics::Small && self.law == Law::Elastic(Potential::Square)
+    }
+
+    /// Bytes of the pairs and their ends.
+    pub fn bytes(&self) -> usize {
+        self.pairs.len() * (std::mem::size_of::<Pair>() + 9) + self.ends.bytes()
+    }
+
+    /// Replaces a component of a point in every stencil, see [`Ends::substitute`].
+    pub(crate) fn substitute(&mut self, point: u32, component: usize, own: f64, others: &[(u32, f64)]) {
+        self.ends.substitute(point, component, own, others);
+        (self.members, self.pattern) = (None, None);
+        self.chunks.clear();
+    }
+
+    fn law_family(&self, point: usize) -> PairFamily<'_> {
+        let range = self.starts[point]..self.starts[point + 1];
+        PairFamily {
+            pairs: &self.pairs[range.clone()],
+            intact: &self.intact[range.clone()],
+            plastic: if self.plastic.is_empty() { &[] } else { &self.plastic[range] },
+            isotropic: self.isotropic[point],
+            law: self.law,
+        }
+    }
+
+    /// Displacements of both ends of a pair less that of the centre.
+    #[inline(always)]
+    fn differences(&self, pair: &Pair, centre: &[f64; D], u: &[f64]) -> ([f64; D], [f64; D]) {
+        let (mut p, mut m) = (self.ends.value(pair.plus, u), self.ends.value(pair.minus, u));
+        for c in 0..D {
+            p[c] -= centre[c];
+            m[c] -= centre[c];
+        }
+        (p, m)
+    }
+
+    fn potential(&self) -> Potential {
+        match self.law {
+            Law::Elastic(p) => p,
+            _ => Potential::Square,
+        }
+    }
+
+    /// Turning angles of the pairs of a point (magnitudes in space).
+    fn angles(&self, point: usize, u: &[f64], out: &mut [f64]) {
+        let centre = self.ends.value(point as u32, u);
+        for (pair, angle) in self.pairs_of(point).iter().zip(out) {
+            let (p, m) = self.differences(pair, &centre, u);
+            let arm = &self.arms[pair.arm as usize];
+            *angle = if D == 3 {
+                angle::spatial_angle(&arm.vector, &three(&p), &three(&m))
+            } else {
+                angle::turning(self.kinematics, &arm.vector, arm.length, &p, &m).angle
+            };
+        }
+    }
+
+    /// Energy of a family; adds its forces (minus the gradient) to `rows`, which begin with point `first`.
+    fn family(&self, point: usize, u: &[f64], s: &mut Scratch, rows: Option<(&mut [f64], usize)>) -> f64 {
+        let pairs = self.pairs_of(point);
+        let n = pairs.len();
+        s.fit(n);
+        let centre = self.ends.value(point as u32, u);
+        let mut energy = 0.0;
+        let mut rows = rows;
+        let mut at_centre = [0.0; D];
+        if D == 3 {
+            energy += self.spatial_family(point, u, &centre, &mut rows, &mut at_centre);
+        } else {
+            self.angles(point, u, &mut s.angles[..n]);
+            energy += self.law_family(point).respond(&s.angles[..n], &mut s.elastic[..n], &mut s.forces[..n]);
+            if let Some((rows, first)) = &mut rows {
+                for (pair, &g) in pairs.iter().zip(&s.forces[..n]) {
+                    if g == 0.0 {
+                        continue;
+                    }
+                    let arm = &self.arms[pair.arm as usize];
+                    let (p, m) = self.differences(pair, &centre, u);
+                    let t = angle::turning(self.kinematics, &arm.vector, arm.length, &p, &m);
+                    let (mut fp, mut fm) = ([0.0; D], [0.0; D]);
+                    for c in 0..D {
+                        (fp[c], fm[c]) = (-g * t.plus[c], -g * t.minus[c]);
+                        at_centre[c] -= fp[c] + fm[c];
+                    }
+                    self.ends.scatter(pair.plus, &fp, rows, *first);
+                    self.ends.scatter(pair.minus, &fm, rows, *first);
+                }
+            }
+        }
+        if let Some(extension) = &self.extension {
+            let range = extension.starts[point]..extension.starts[point + 1];
+            let c = extension.dilatational[point];
+            let at = |b: &crate::extension::ExtensionBond| {
+                let mut eta = self.ends.value(b.end, u);
+                (0..D).for_each(|k| eta[k] -= centre[k]);
+                let arm = &self.arms[b.arm as usize];
+                stretch(&arm.vector, b.sign, arm.length, &eta)
+            };
+            let mut theta = 0.0;
+            if c != 0.0 {
+                for b in &extension.bonds[range.clone()] {
+                    theta += b.dilatation * at(b).extension;
+                }
+            }
+            energy += c * theta * theta;
+            for b in &extension.bonds[range] {
+                let y = at(b);
+                energy += 0.5 * b.stiffness * y.extension * y.extension;
+                if let Some((rows, first)) = &mut rows {
+                    let pull = b.stiffness * y.extension + 2.0 * c * theta * b.dilatation;
+                    let mut f = [0.0; D];
+                    for k in 0..D {
+                        f[k] = -pull * y.direction[k];
+                        at_centre[k] -= f[k];
+                    }
+                    self.ends.scatter(b.end, &f, rows, *first);
+                }
+            }
+        }
+        if let Some(prestress) = &self.prestress {
+            for (end, k) in &prestress.springs[prestress.starts[point]..prestress.starts[point + 1]] {
+                let d = self.ends.value(*end, u)[0] - centre[0];
+                energy += 0.5 * k * d * d;
+                if let Some((rows, first)) = &mut rows {
+                    let mut f = [0.0; D];
+                    f[0] = -k * d;
+                    at_centre[0] += k * d;
+                    self.ends.scatter(*end, &f, rows, *first);
+                }
+            }
+        }
+        if let Some((rows, first)) = &mut rows {
+            self.ends.scatter(point as u32, &at_centre, rows, *first);
+        }
+        energy
+    }
+
+    /// Pairs in space: energy and forces on the ends; the isotropic term with the mean curvature as a vector.
+    fn spatial_family(
+        &self,
+        point: usize,
+        u: &[f64],
+        centre: &[f64; D],
+        rows: &mut Option<(&mut [f64], usize)>,
+        at_centre: &mut [f64; D],
+    ) -> f64 {
+        let (mut energy, potential) = (0.0, self.potential());
+        let range = self.starts[point]..self.starts[point + 1];
+        let c = self.isotropic[point];
+        let mut mean = [0.0; D];
+        if c != 0.0 {
+            for q in range.clone().filter(|&q| self.intact[q]) {
+                let pair = &self.pairs[q];
+                let (p, m) = self.differences(pair, centre, u);
+                let weight = pair.isotropic / self.arms[pair.arm as usize].length;
+                (0..D).for_each(|k| mean[k] += weight * (p[k] + m[k]));
+            }
+            energy += c * mean.iter().map(|x| x * x).sum::<f64>();
+        }
+        for q in range.filter(|&q| self.intact[q]) {
+            let pair = &self.pairs[q];
+            let arm = &self.arms[pair.arm as usize];
+            let (p, m) = self.differences(pair, centre, u);
+            let (p3, m3) = (three(&p), three(&m));
+            energy += pair.stiffness * angle::spatial_energy(potential, &arm.vector, &p3, &m3);
+            if let Some((rows, first)) = rows {
+                let (gp, gm) = angle::spatial_gradient(potential, &arm.vector, &p3, &m3);
+                let weight = 2.0 * c * pair.isotropic / arm.length;
+                let (mut fp, mut fm) = ([0.0; D], [0.0; D]);
+                for k in 0..D {
+                    fp[k] = -pair.stiffness * gp[k] - weight * mean[k];
+                    fm[k] = -pair.stiffness * gm[k] - weight * mean[k];
+                    at_centre[k] -= fp[k] + fm[k];
+                }
+                self.ends.scatter(pair.plus, &fp, rows, *first);
+                self.ends.scatter(pair.minus, &fm, rows, *first);
+            }
+        }
+        energy
+    }
+
+    /// Points that each family couples, each once.
+    pub(crate) fn members(&mut self) -> Result<Arc<FamilyList>, ThinError> {
+        if let Some(members) = &self.members {
+            return Ok(members.clone());
+        }
+        let n = self.points();
+        let (mut starts, mut list) = (vec![0], vec![]);
+        let mut seen = vec![u32::MAX; n];
+        for point in 0..n {
+            let mut add = |end: u32| {
+                for (q, _) in self.ends.stencil(end) {
+                    if seen[*q as usize] != point as u32 {
+                        seen[*q as usize] = point as u32;
+                        list.push(*q);
+                    }
+                }
+            };
+            add(point as u32);
+            for pair in self.pairs_of(point) {
+                add(pair.plus);
+                add(pair.minus);
+            }
+            if let Some(e) = &self.extension {
+                e.bonds[e.starts[point]..e.starts[point + 1]].iter().for_each(|b| add(b.end));
+            }
+            if let Some(p) = &self.prestress {
+                p.springs[p.starts[point]..p.starts[point + 1]].iter().for_each(|s| add(s.0));
+            }
+            starts.push(list.len());
+        }
+        let members = Arc::new(FamilyList::new(n, starts, list)?);
+        self.members = Some(members.clone());
+        Ok(members)
+    }
+
+    /// The pattern of the tangent.
+    ///
+    /// # Errors
+    /// [`ThinError::Sparse`] where it cannot be counted.
+    pub fn pattern(&mut self) -> Result<Arc<BlockPattern>, ThinError> {
+        let members = self.members()?;
+        if self.pattern.is_none() {
+            self.pattern = Some(Arc::new(BlockPattern::from_families(D, &members)?));
+        }
+        Ok(self.pattern.as_ref().expect("just made").clone())
+    }
+
+    fn make_chunks(&mut self) {
+        if !self.chunks.is_empty() {
+            return;
+        }
+        let Ok(members) = self.members() else { return };
+        let n = self.points();
+        self.chunks = (0..n.div_ceil(CHUNK))
+            .map(|k| {
+                let (first, last) = (k * CHUNK, n.min((k + 1) * CHUNK));
+                let touched = (first..last).flat_map(|p| members.family(p).iter().copied());
+                let (low, high) = touched.fold((u32::MAX, 0), |(a, b), q| (a.min(q), b.max(q)));
+                let rows = vec![0.0; (high as usize + 1 - low as usize) * D];
+                Chunk { first, last, low: low as usize, rows, ..Default::default() }
+            })
+            .collect();
+    }
+
+    fn each_chunk(&mut self, work: impl Fn(&Self, &mut Chunk) + Sync) {
+        self.make_chunks();
+        let mut chunks = std::mem::take(&mut self.chunks);
+        chunks.par_iter_mut().for_each(|chunk| work(self, chunk));
+        self.chunks = chunks;
+    }
+
+    /// Total energy.
+    pub fn energy(&mut self, u: &[f64]) -> f64 {
+        self.each_chunk(|body, chunk| {
+            chunk.energy = (chunk.first..chunk.last).map(|p| body.family(p, u, &mut chunk.scratch, None)).sum();
+        });
+        self.chunks.iter().map(|c| c.energy).sum()
+    }
+
+    /// Energy of each family.
+    pub fn family_energies(&self, u: &[f64]) -> Vec<f64> {
+        let mut scratch = Scratch::default();
+        (0..self.points()).map(|p| self.family(p, u, &mut scratch, None)).collect()
+    }
+
+    /// Overwrites `f` with the internal forces, minus the gradient of the energy.
+    pub fn force(&mut self, u: &[f64], f: &mut [f64]) {
+        self.each_chunk(|body, chunk| {
+            chunk.rows.fill(0.0);
+            for p in chunk.first..chunk.last {
+                body.family(p, u, &mut chunk.scratch, Some((&mut chunk.rows, chunk.low)));
+            }
+        });
+        f.fill(0.0);
+        for chunk in &self.chunks {
+            for (f, r) in f[chunk.low * D..].iter_mut().zip(&chunk.rows) {
+                *f += r;
+            }
+        }
+    }
+
+    /// Adds the exact tangent, minus the derivative of the force, to a matrix with the pattern of [`pattern`](Self::pattern).
+    ///
+    /// # Errors
+    /// [`ThinError::Sparse`].
+    pub fn tangent(&mut self, u: &[f64], matrix: &mut BlockMatrix) -> Result<(), ThinError> {
+        let members = self.members()?;
+        let body = &*self;
+        matrix.add_families(&members, Scratch::default, |scratch, k, dense| {
+            body.family_tangent(k, u, members.family(k), scratch, dense);
+            Ok::<(), ThinError>(())
+        })
+    }
+
+    /// Overwrites `blocks` with the diagonal blocks of the tangent.
+    pub(crate) fn block_diagonal(&mut self, u: &[f64], blocks: &mut [f64]) -> Result<(), ThinError> {
+        blocks.fill(0.0);
+        let members = self.members()?;
+        let (mut scratch, mut dense) = (Scratch::default(), vec![]);
+        for p in 0..self.points() {
+            let family = members.family(p);
+            let width = family.len() * D;
+            dense.resize(width * width, 0.0);
+            self.family_tangent(p, u, family, &mut scratch, &mut dense);
+            for (local, q) in family.iter().enumerate() {
+                for i in 0..D {
+                    for j in 0..D {
+                        blocks[(*q as usize * D + i) * D + j] += dense[(local * D + i) * width + local * D + j];
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the product of the tangent with `x` to `y`, which is overwritten.
+    pub(crate) fn tangent_product(&mut self, u: &[f64], x: &[f64], y: &mut [f64]) -> Result<(), ThinError> {
+        y.fill(0.0);
+        if self.is_linear() {
+            self.force(x, y);
+            y.iter_mut().for_each(|v| *v = -*v);
+            return Ok(());
+        }
+        let members = self.members()?;
+        let (mut scratch, mut dense) = (Scratch::default(), vec![]);
+        for p in 0..self.points() {
+            let family = members.family(p);
+            let width = family.len() * D;
+            dense.resize(width * width, 0.0);
+            self.family_tangent(p, u, family, &mut scratch, &mut dense);
+            for (a, q) in family.iter().enumerate() {
+                for i in 0..D {
+                    let row = &dense[(a * D + i) * width..][..width];
+                    let mut sum = 0.0;
+                    for (b, r) in family.iter().enumerate() {
+                        for j in 0..D {
+                            sum += row[b * D + j] * x[*r as usize * D + j];
+                        }
+                    }
+                    y[*q as usize * D + i] += sum;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The dense Hessian of one family over its members.
+    fn family_tangent(&self, point: usize, u: &[f64], family: &[u32], s: &mut Scratch, dense: &mut [f64]) {
+        dense.fill(0.0);
+        let width = family.len() * D;
+        s.place.resize(self.points(), 0);
+        for (local, q) in family.iter().enumerate() {
+            s.place[*q as usize] = local as u32;
+        }
+        let pairs = self.pairs_of(point);
+        let n = pairs.len();
+        s.fit(n);
+        let centre = self.ends.value(point as u32, u);
+        let mut outer = std::mem::take(&mut s.outer);
+        outer.clear();
+        outer.resize(width, 0.0);
+        let mut terms: Vec<Term<D>> = Vec::with_capacity(24);
+        let mut hold = |place: &[u32], ends: &[u32; 3], used: usize, h: &dyn Fn(usize, usize, usize, usize) -> f64, dense: &mut [f64]| {
+            // ends[0..used] are the differences' ends, ends[2] the centre, which is in each with weight −1
+            terms.clear();
+            for (slot, &end) in ends[..used].iter().enumerate() {
+                for (q, w) in self.ends.stencil(end) {
+                    push(&mut terms, (place[*q as usize], *w, slot));
+                }
+                for (q, w) in self.ends.stencil(ends[2]) {
+                    push(&mut terms, (place[*q as usize], w.map(|x| -x), slot));
+                }
+            }
+            for (qa, wa, sa) in &terms {
+                for (qb, wb, sb) in &terms {
+                    for i in 0..D {
+                        for j in 0..D {
+                            dense[(*qa as usize * D + i) * width + *qb as usize * D + j] += wa[i] * wb[j] * h(*sa, i, *sb, j);
+                        }
+                    }
+                }
+            }
+        };
+        if D == 3 {
+            let (potential, c) = (self.potential(), self.isotropic[point]);
+            let mut mean_rows = vec![[0.0; D]; if c != 0.0 { family.len() } else { 0 }];
+            for (k, pair) in pairs.iter().enumerate() {
+                if !self.intact[self.starts[point] + k] {
+                    continue;
+                }
+                let arm = &self.arms[pair.arm as usize];
+                let (p, m) = self.differences(pair, &centre, u);
+                let h = angle::spatial_second(potential, &arm.vector, &three(&p), &three(&m));
+                let a = pair.stiffness;
+                hold(&s.place, &[pair.plus, pair.minus, point as u32], 2, &|sa, i, sb, j| a * h[3 * sa + i][3 * sb + j], dense);
+                if c != 0.0 {
+                    let weight = pair.isotropic / arm.length;
+                    for (end, factor) in [(pair.plus, 1.0), (pair.minus, 1.0), (point as u32, -2.0)] {
+                        for (q, w) in self.ends.stencil(end) {
+                            (0..D).for_each(|k| mean_rows[s.place[*q as usize] as usize][k] += weight * factor * w[k]);
+                        }
+                    }
+                }
+            }
+            for (a, ra) in mean_rows.iter().enumerate() {
+                for (b, rb) in mean_rows.iter().enumerate() {
+                    for k in 0..D {
+                        dense[(a * D + k) * width + b * D + k] += 2.0 * c * ra[k] * rb[k];
+                    }
+                }
+            }
+        } else {
+            self.angles(point, u, &mut s.angles[..n]);
+            let law = self.law_family(point);
+            law.respond(&s.angles[..n], &mut s.elastic[..n], &mut s.forces[..n]);
+            let tangent = Tangent { diagonal: &mut s.diagonal[..n], vector: &mut s.vector[..n] };
+            let gamma = law.tangent(&s.angles[..n], &s.elastic[..n], tangent);
+            for (k, pair) in pairs.iter().enumerate() {
+                let arm = &self.arms[pair.arm as usize];
+                let (p, m) = self.differences(pair, &centre, u);
+                let t = angle::turning(self.kinematics, &arm.vector, arm.length, &p, &m);
+                let (diagonal, force) = (s.diagonal[k], s.forces[k]);
+                let curved = (D == 2 || self.kinematics == Kinematics::Exact) && force != 0.0;
+                let second: Second = match curved {
+                    true => angle::second(self.kinematics, &arm.vector, arm.length, &p, &m),
+                    false => Default::default(),
+                };
+                let gradient = [t.plus, t.minus];
+                if D == 1 && !curved {
+                    if diagonal != 0.0 {
+                        let both = t.plus[0] + t.minus[0];
+                        add_square(&mut s.line, &mut s.touched, &mut s.marked, width, diagonal, dense, |add| {
+                            for (end, g) in [(pair.plus, t.plus[0]), (pair.minus, t.minus[0]), (point as u32, -both)] {
+                                for (q, w) in self.ends.stencil(end) {
+                                    add(s.place[*q as usize], w[0] * g);
+                                }
+                            }
+                        });
+                    }
+                } else if diagonal != 0.0 || force != 0.0 {
+                    let h = |sa: usize, i: usize, sb: usize, j: usize| {
+                        diagonal * gradient[sa][i] * gradient[sb][j] + force * second[sa * D + i][sb * D + j]
+                    };
+                    hold(&s.place, &[pair.plus, pair.minus, point as u32], 2, &h, dense);
+                }
+                if gamma != 0.0 && s.vector[k] != 0.0 {
+                    for (end, g, sign) in [
+                        (pair.plus, &t.plus, 1.0),
+                        (pair.minus, &t.minus, 1.0),
+                        (point as u32, &t.plus, -1.0),
+                        (point as u32, &t.minus, -1.0),
+                    ] {
+                        for (q, w) in self.ends.stencil(end) {
+                            let at = s.place[*q as usize] as usize * D;
+                            (0..D).for_each(|c| outer[at + c] += sign * s.vector[k] * w[c] * g[c]);
+                        }
+                    }
+                }
+            }
+            if gamma != 0.0 {
+                rank_one(&outer, gamma, dense);
+            }
+        }
+        if let Some(extension) = &self.extension {
+            let range = extension.starts[point]..extension.starts[point + 1];
+            let c = extension.dilatational[point];
+            let at = |b: &crate::extension::ExtensionBond| {
+                let mut eta = self.ends.value(b.end, u);
+                (0..D).for_each(|k| eta[k] -= centre[k]);
+                let arm = &self.arms[b.arm as usize];
+                stretch(&arm.vector, b.sign, arm.length, &eta)
+            };
+            let theta: f64 =
+                if c == 0.0 { 0.0 } else { extension.bonds[range.clone()].iter().map(|b| b.dilatation * at(b).extension).sum() };
+            outer.fill(0.0);
+            for b in &extension.bonds[range] {
+                let y = at(b);
+                let over = (b.stiffness * y.extension + 2.0 * c * theta * b.dilatation) / y.length;
+                let h = |_: usize, i: usize, _: usize, j: usize| {
+                    (b.stiffness - over) * y.direction[i] * y.direction[j] + if i == j { over } else { 0.0 }
+                };
+                hold(&s.place, &[b.end, b.end, point as u32], 1, &h, dense);
+                if c != 0.0 {
+                    for (end, sign) in [(b.end, 1.0), (point as u32, -1.0)] {
+                        for (q, w) in self.ends.stencil(end) {
+                            let at = s.place[*q as usize] as usize * D;
+                            (0..D).for_each(|k| outer[at + k] += sign * b.dilatation * w[k] * y.direction[k]);
+                        }
+                    }
+                }
+            }
+            if c != 0.0 {
+                rank_one(&outer, 2.0 * c, dense);
+            }
+        }
+        if let Some(prestress) = &self.prestress {
+            for (end, k) in &prestress.springs[prestress.starts[point]..prestress.starts[point + 1]] {
+                hold(&s.place, &[*end, *end, point as u32], 1, &|_, i, _, j| if i == 0 && j == 0 { *k } else { 0.0 }, dense);
+            }
+        }
+        s.outer = outer;
+    }
+
+    /// Commits plastic angles at an accepted state.
+    pub fn commit(&mut self, u: &[f64]) {
+        if !self.law.has_history() {
+            return;
+        }
+        let mut plastic = std::mem::take(&mut self.plastic);
+        let mut angles = vec![];
+        let mut elastic = vec![];
+        for point in 0..self.points() {
+            let range = self.starts[point]..self.starts[point + 1];
+            let n = range.len();
+            angles.resize(n, 0.0);
+            elastic.resize(n, 0.0);
+            self.angles(point, u, &mut angles);
+            let family = PairFamily {
+                pairs: &self.pairs[range.clone()],
+                intact: &self.intact[range.clone()],
+                plastic: &plastic[range.clone()],
+                isotropic: self.isotropic[point],
+                law: self.law,
+            };
+            family.elastic_parts(&angles, &mut elastic);
+            for (k, q) in range.enumerate() {
+                if self.intact[q] && elastic[k] != angles[k] - plastic[q] {
+                    plastic[q] = angles[k] - elastic[k];
+                }
+            }
+        }
+        self.plastic = plastic;
+    }
+
+    /// Plastic angles of all pairs; empty where the law has no history.
+    pub fn plastic_angles(&self) -> &[f64] {
+        &self.plastic
+    }
+
+    /// Intact pairs whose angle exceeds their limit: number of the pair and the ratio |φ|/φ_c.
+    pub fn exceeding(&self, u: &[f64]) -> Vec<(usize, f64)> {
+        let chunk = |k: usize| {
+            let mut found = vec![];
+            let mut angles = vec![];
+            for point in k * CHUNK..self.points().min((k + 1) * CHUNK) {
+                angles.resize(self.pairs_of(point).len(), 0.0);
+                self.angles(point, u, &mut angles);
+                for (j, angle) in angles.iter().enumerate() {
+                    let q = self.starts[point] + j;
+                    let ratio = angle.abs() / self.pairs[q].limit;
+                    if self.intact[q] && ratio > 1.0 {
+                        found.push((q, ratio));
+                    }
+                }
+            }
+            found
+        };
+        (0..self.points().div_ceil(CHUNK)).into_par_iter().map(chunk).collect::<Vec<_>>().concat()
+    }
+
+    /// The intact pair nearest to its limit, or farthest beyond: its number and |φ|/φ_c.
+    pub fn most_loaded(&self, u: &[f64]) -> Option<(usize, f64)> {
+        let mut angles = vec![];
+        let mut worst: Option<(usize, f64)> = None;
+        for point in 0..self.points() {
+            angles.resize(self.pairs_of(point).len(), 0.0);
+            self.angles(point, u, &mut angles);
+            for (j, angle) in angles.iter().enumerate() {
+                let q = self.starts[point] + j;
+                let ratio = angle.abs() / self.pairs[q].limit;
+                if self.intact[q] && worst.is_none_or(|w| ratio > w.1) {
+                    worst = Some((q, ratio));
+                }
+            }
+        }
+        worst
+    }
+
+    /// Breaks pairs for good.
+    pub fn break_pairs(&mut self, pairs: impl IntoIterator<Item = usize>) -> usize {
+        let mut broken = 0;
+        for q in pairs {
+            broken += usize::from(std::mem::replace(&mut self.intact[q], false));
+        }
+        broken
+    }
+
+    /// Breaks the pairs with an arm that `cut` says crosses a crack; returns how many.
+    pub fn cut(&mut self, cut: impl Fn(&[f64; 3], &[f64; 3]) -> bool) -> usize {
+        let mut crossing = vec![];
+        for point in 0..self.points() {
+            let x = self.layout.positions[point];
+            for q in self.starts[point]..self.starts[point + 1] {
+                let xi = self.arms[self.pairs[q].arm as usize].vector;
+                let end = |s: f64| [0, 1, 2].map(|k| x[k] + s * xi[k]);
+                if cut(&x, &end(1.0)) || cut(&x, &end(-1.0)) {
+                    crossing.push(q);
+                }
+            }
+        }
+        self.break_pairs(crossing)
+    }
+
+    /// Which pairs are intact.
+    pub fn intact(&self) -> &[bool] {
+        &self.intact
+    }
+
+    /// Intact part of the pairs of each point; 1 where it has none.
+    pub fn health(&self) -> Vec<f64> {
+        (0..self.points())
+            .map(|p| {
+                let all = self.starts[p]..self.starts[p + 1];
+                let whole = all.len();
+                if whole == 0 { 1.0 } else { all.filter(|&q| self.intact[q]).count() as f64 / whole as f64 }
+            })
+            .collect()
+    }
+
+    /// Largest plastic angle of the pairs of each point, signed.
+    pub fn largest_plastic_angle(&self) -> Vec<f64> {
+        (0..self.points())
+            .map(|p| {
+                let range = self.starts[p]..self.starts[p + 1];
+                let of = if self.plastic.is_empty() { &[][..] } else { &self.plastic[range] };
+                of.iter().fold(0.0, |m: f64, x| if x.abs() > m.abs() { *x } else { m })
+            })
+            .collect()
+    }
+
+    /// Curvature of each point: least squares over its intact pairs, in lattice directions.
+    pub fn curvatures(&self, u: &[f64]) -> Vec<Bending> {
+        self.per_point(
+            |point, angles, _| {
+                let mut matrix = [[0.0; 3]; 3];
+                let mut right = [0.0; 3];
+                for (k, pair) in self.pairs_of(point).iter().enumerate() {
+                    if !self.intact[self.starts[point] + k] {
+                        continue;
+                    }
+                    let arm = &self.arms[pair.arm as usize];
+                    let [c, s] = arm.direction;
+                    let q = [c * c, s * s, 2.0 * c * s];
+                    let weight = pair.stiffness * arm.length * arm.length;
+                    for i in 0..3 {
+                        right[i] += weight * q[i] * angles[k] / arm.length;
+                        (0..3).for_each(|j| matrix[i][j] += weight * q[i] * q[j]);
+                    }
+                }
+                solve_3(matrix, right)
+            },
+            u,
+        )
+    }
+
+    /// Moment of each point per width: the derivative of its energy density with curvature, in lattice directions.
+    pub fn moments(&self, u: &[f64]) -> Vec<Bending> {
+        self.per_point(
+            |point, _, forces| {
+                let mut moment = [0.0; 3];
+                for (pair, g) in self.pairs_of(point).iter().zip(forces) {
+                    let arm = &self.arms[pair.arm as usize];
+                    let [c, s] = arm.direction;
+                    let m = g * arm.length / self.measure[point];
+                    for (k, q) in [c * c, s * s, c * s].into_iter().enumerate() {
+                        moment[k] += m * q;
+                    }
+                }
+                moment
+            },
+            u,
+        )
+    }
+
+    fn per_point(&self, of: impl Fn(usize, &[f64], &[f64]) -> Bending + Sync, u: &[f64]) -> Vec<Bending> {
+        let run = |k: usize| {
+            let mut s = Scratch::default();
+            let mut out = vec![];
+            for point in k * CHUNK..self.points().min((k + 1) * CHUNK) {
+                let n = self.pairs_of(point).len();
+                s.fit(n);
+                self.angles(point, u, &mut s.angles[..n]);
+                if D < 3 {
+                    self.law_family(point).respond(&s.angles[..n], &mut s.elastic[..n], &mut s.forces[..n]);
+                } else {
+                    // small turns: the component along the normal
+                    let centre = self.ends.value(point as u32, u);
+                    for (q, pair) in self.pairs_of(point).iter().enumerate() {
+                        let (p, m) = self.differences(pair, &centre, u);
+                        let along: f64 = (0..D).map(|k| self.layout.normal[k] * (p[k] + m[k])).sum();
+                        s.angles[q] = along / self.arms[pair.arm as usize].length;
+                    }
+                    self.law_family(point).respond(&s.angles[..n], &mut s.elastic[..n], &mut s.forces[..n]);
+                }
+                out.push(of(point, &s.angles[..n], &s.forces[..n]));
+            }
+            out
+        };
+        (0..self.points().div_ceil(CHUNK)).into_par_iter().map(run).collect::<Vec<_>>().concat()
+    }
+}
+
+/// A point of a stencil: its place in the family, its weights, and the difference it belongs to.
+type Term<const D: usize> = (u32, [f64; D], usize);
+
+/// Adds a term, joined with one of the same place and difference.
+#[inline(always)]
+fn push<const D: usize>(terms: &mut Vec<Term<D>>, term: Term<D>) {
+    match terms.iter_mut().find(|t| t.0 == term.0 && t.2 == term.2) {
+        Some(t) => (0..D).for_each(|c| t.1[c] += term.1[c]),
+        None => terms.push(term),
+    }
+}
+
+/// Adds `factor v vᵀ` to a dense matrix for a sparse vector `v` given entry by entry.
+fn add_square(
+    line: &mut Vec<f64>,
+    touched: &mut Vec<u32>,
+    marked: &mut Vec<bool>,
+    width: usize,
+    factor: f64,
+    dense: &mut [f64],
+    entries: impl Fn(&mut dyn FnMut(u32, f64)),
+) {
+    if line.len() < width {
+        line.resize(width, 0.0);
+        marked.resize(width, false);
+    }
+    entries(&mut |at, weight| {
+        if !std::mem::replace(&mut marked[at as usize], true) {
+            touched.push(at);
+        }
+        line[at as usize] += weight;
+    });
+    for &a in touched.iter() {
+        let row = &mut dense[a as usize * width..][..width];
+        let scaled = factor * line[a as usize];
+        for &b in touched.iter() {
+            row[b as usize] += scaled * line[b as usize];
+        }
+    }
+    for a in touched.drain(..) {
+        line[a as usize] = 0.0;
+        marked[a as usize] = false;
+    }
+}
+
+fn rank_one(vector: &[f64], factor: f64, dense: &mut [f64]) {
+    let width = vector.len();
+    for (a, x) in vector.iter().enumerate() {
+        if *x != 0.0 {
+            let row = &mut dense[a * width..][..width];
+            let scaled = factor * x;
+            for (r, y) in row.iter_mut().zip(vector) {
+                *r += scaled * y;
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn three<const D: usize>(v: &[f64; D]) -> [f64; 3] {
+    [0, 1, 2].map(|k| if k < D { v[k] } else { 0.0 })
+}
+
+/// Least-squares solution of a symmetric 3×3 system that may be singular (beams, edges).
+fn solve_3(matrix: [[f64; 3]; 3], right: [f64; 3]) -> [f64; 3] {
+    let mut a: Vec<f64> = matrix.into_iter().flatten().collect();
+    let (values, vectors) = crate::weights::symmetric_eigen(&mut a, 3);
+    let top = values.iter().fold(0.0f64, |m, v| m.max(*v));
+    let mut x = [0.0; 3];
+    for k in 0..3 {
+        if values[k] > 1e-10 * top {
+            let share: f64 = (0..3).map(|i| vectors[i * 3 + k] * right[i]).sum::<f64>() / values[k];
+            (0..3).for_each(|i| x[i] += vectors[i * 3 + k] * share);
+        }
+    }
+    x
+}

@@ -1,0 +1,95 @@
+//! Conditions on a thin body: what is held and what pushes.
+
+use bodies::loads::Field;
+
+/// What a condition does to its points.
+pub enum Action {
+    /// Prescribes displacement components.
+    Displacement,
+    /// Prescribes the mean over its points of displacement components: a pin inside a beam.
+    Mean,
+    /// Forces: the value of the condition times a weight per point.
+    Force {
+        /// Weights, one per point: areas or lengths for a pressure or line load, shares for a resultant.
+        weights: Vec<f64>,
+    },
+}
+
+/// A condition on a set of points.
+pub struct Condition {
+    /// Name, for histories and messages.
+    pub name: String,
+    /// What it does.
+    pub action: Action,
+    /// Its points.
+    pub points: Vec<u32>,
+    /// The components it acts on, functions of the reference position and the load parameter or time; `None` is free. With
+    /// displacements across the body alone, the first is the deflection.
+    pub components: [Option<Field>; 3],
+}
+
+impl Condition {
+    /// A condition with the same constant on one component.
+    pub fn constant(name: &str, action: Action, points: Vec<u32>, component: usize, value: f64) -> Self {
+        Self::new(name, action, points, component, move |_, _| value)
+    }
+
+    /// A condition on one component.
+    pub fn new(
+        name: &str,
+        action: Action,
+        points: Vec<u32>,
+        component: usize,
+        value: impl Fn([f64; 3], f64) -> f64 + Send + Sync + 'static,
+    ) -> Self {
+        let mut components = [None, None, None];
+        components[component] = Some(Box::new(value) as Field);
+        Condition { name: name.into(), action, points, components }
+    }
+
+    /// Holds components of points at zero.
+    pub fn hold(name: &str, points: Vec<u32>, components: &[usize]) -> Self {
+        let mut held = [None, None, None];
+        components.iter().for_each(|&c| held[c] = Some(Box::new(|_: [f64; 3], _: f64| 0.0) as Field));
+        Condition { name: name.into(), action: Action::Displacement, points, components: held }
+    }
+
+    /// Whether it prescribes motion.
+    pub fn prescribes(&self) -> bool {
+        !matches!(self.action, Action::Force { .. })
+    }
+}
+
+/// Points and shares of a load spread evenly over |x − x0| ≤ δ/2 (points on the rim count half), shares summing to one. The nearest point
+/// alone where none is so near.
+pub fn spread(positions: &[[f64; 3]], at: [f64; 3], horizon: f64) -> (Vec<u32>, Vec<f64>) {
+    let radius = 0.5 * horizon;
+    let distance = |x: &[f64; 3]| (0..3).map(|k| (x[k] - at[k]).powi(2)).sum::<f64>().sqrt();
+    let (mut points, mut shares) = (vec![], vec![]);
+    for (p, x) in positions.iter().enumerate() {
+        let d = distance(x);
+        if d <= radius * (1.0 + 1e-9) {
+            points.push(p as u32);
+            shares.push(if d >= radius * (1.0 - 1e-9) { 0.5 } else { 1.0 });
+        }
+    }
+    if points.is_empty() {
+        let nearest = (0..positions.len()).min_by(|&a, &b| distance(&positions[a]).total_cmp(&distance(&positions[b])));
+        points = nearest.map(|p| p as u32).into_iter().collect();
+        shares = vec![1.0; points.len()];
+    }
+    let sum: f64 = shares.iter().sum();
+    shares.iter_mut().for_each(|s| *s /= sum);
+    (points, shares)
+}
+
+/// Points and weights of a moment about an axis across `direction`, spread over δ as above: transverse forces whose work on a rigid turn by
+/// the slope `dw/ds` along `direction` is the moment times the slope; weights in 1/length.
+pub fn couple(positions: &[[f64; 3]], at: [f64; 3], direction: [f64; 3], horizon: f64) -> (Vec<u32>, Vec<f64>) {
+    let along = |x: &[f64; 3]| (0..3).map(|k| (x[k] - at[k]) * direction[k]).sum::<f64>();
+    let (points, shares) = spread(positions, at, horizon * 2.0);
+    let mean: f64 = points.iter().zip(&shares).map(|(&p, s)| s * along(&positions[p as usize])).sum();
+    let square: f64 = points.iter().zip(&shares).map(|(&p, s)| s * (along(&positions[p as usize]) - mean).powi(2)).sum();
+    let weights = points.iter().zip(&shares).map(|(&p, s)| s * (along(&positions[p as usize]) - mean) / square).collect();
+    (points, weights)
+}
