@@ -8,10 +8,14 @@ mod yardstick;
 use bodies::body::{Body, Geometry};
 use bodies::chunk::Link;
 use bodies::part::{Assigned, Constants, Part};
+use physics::constitutive::LinearElastic;
 use physics::constitutive::SaintVenantKirchhoff;
 use physics::elasticity::{Isotropic, Section, Stiffness};
 use physics::influence::One;
-use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
+use physics::models::{
+    BondBased, BondBasedConstants, BondStrainCalibration, Correspondence, ExtendedCorrespondence, LinearPeridynamicSolid,
+    LinearPeridynamicSolidConstants, SethHill,
+};
 use physics::stretch_law::Elastic;
 use physics::zero_energy;
 use std::time::Instant;
@@ -116,6 +120,18 @@ fn main() {
         Box::new(Assigned::new("correspondence", model, Constants::Uniform(constants), &points, b.chunks()))
     };
 
+    // exponent, strength of the control
+    let extended = |m: f64, control: f64| {
+        let points = &points;
+        move |b: &Body<3>| -> Box<dyn Part<3>> {
+            let exponent = SethHill::new(m).expect("a moderate exponent");
+            let calibration = BondStrainCalibration::MomentTensor;
+            let model = ExtendedCorrespondence { law: LinearElastic, exponent, calibration, control, omega: One };
+            let constants = Stiffness::<3>::isotropic(elastic, 0.0, section);
+            Box::new(Assigned::new("extended", model, Constants::Uniform(constants), points, b.chunks()))
+        }
+    };
+
     println!("{:32}{:>12}{:>12}{:>12}{:>10}{:>14}", "ns per directed bond", "ours", "by hand", "ratio", "bytes", "difference");
     let mut f = vec![0.0; 3 * n];
     let mut g = vec![0.0; 3 * n];
@@ -164,5 +180,33 @@ fn main() {
             difference
         );
         println!("{:32}{:>12.2}{:>12.2}", "   (best of the rounds)", ours[0] * 1e9 / bonds as f64, theirs[0] * 1e9 / bonds as f64);
+    }
+
+    // no hand-written loops: beside the linear solid, interleaved
+    println!("\n{:32}{:>12}{:>12}{:>12}{:>10}", "ns per directed bond", "ours", "linear solid", "ratio", "bytes");
+    let mut yardstick = make(&linear_solid);
+    for (m, control) in
+        [(1.0, 0.0), (0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (-1.0, 0.0), (0.7, 0.0), (1.0, 1.0), (-0.5, 1.0), (0.0, 1.0), (0.7, 1.0)]
+    {
+        let mut body = make(&extended(m, control));
+        let (mut ours, mut theirs) = (vec![], vec![]);
+        for _ in 0..rounds {
+            let t = Instant::now();
+            body.internal_force(&moved, None, &mut f);
+            ours.push(t.elapsed().as_secs_f64());
+            let t = Instant::now();
+            yardstick.internal_force(&moved, None, &mut g);
+            theirs.push(t.elapsed().as_secs_f64());
+        }
+        let mut ratio: Vec<f64> = ours.iter().zip(&theirs).map(|(a, b)| a / b).collect();
+        for v in [&mut ours, &mut theirs, &mut ratio] {
+            v.sort_by(f64::total_cmp);
+        }
+        let (b, p, s) = body.bytes();
+        let name = format!("extended, m = {m}{}", if control > 0.0 { ", control" } else { "" });
+        let ns = |t: f64| t * 1e9 / bonds as f64;
+        let bytes = (b + p + s) as f64 / bonds as f64;
+        println!("{name:32}{:>12.2}{:>12.2}{:>12.2}{bytes:>10.1}", ns(ours[rounds / 2]), ns(theirs[rounds / 2]), ratio[rounds / 2]);
+        println!("{:32}{:>12.2}{:>12.2}{:>12.2}", "   (best of the rounds)", ns(ours[0]), ns(theirs[0]), ours[0] / theirs[0]);
     }
 }

@@ -15,5 +15,6 @@ pub mod part;
 pub mod points;
 pub mod region;
 pub mod sort;
+pub mod spectrum;
 pub mod structure;
 pub mod visibility;

@@ -10,13 +10,16 @@
 use bodies::chunk::Chunk;
 use bodies::part::{Assigned, Constants, Part};
 use bodies::structure::{Simulated, Structure};
-use physics::constitutive::{Almansi, FromCauchy, Hyperelastic, HyperelasticConstants, KelvinVoigt, KelvinVoigtConstants};
-use physics::elasticity::{Isotropic, Section};
+use physics::constitutive::{
+    Almansi, FromCauchy, Hyperelastic, HyperelasticConstants, J2Plasticity, J2PlasticityConstants, KelvinVoigt, KelvinVoigtConstants,
+    LinearElastic, OfStrain, OfStrainConstants,
+};
+use physics::elasticity::{Isotropic, Section, Stiffness};
 use physics::influence::{Influence, One, Stored};
 use physics::material::Material;
 use physics::models::{
-    BondBased, BondBasedConstants, CorrectedCorrespondence, Correspondence, EmptySubHorizon, LARGEST_ORDER, LinearPeridynamicSolid,
-    LinearPeridynamicSolidConstants, SubHorizonCorrespondence, monomial_count,
+    BondBased, BondBasedConstants, BondStrainCalibration, CorrectedCorrespondence, Correspondence, EmptySubHorizon, ExtendedCorrespondence,
+    LARGEST_ORDER, LinearPeridynamicSolid, LinearPeridynamicSolidConstants, SethHill, SubHorizonCorrespondence, monomial_count,
 };
 use physics::stretch_law::{Elastic, Nonlinear};
 use physics::zero_energy::{self, Wan2019};
@@ -32,19 +35,50 @@ pub enum Model<const D: usize> {
     /// [`Correspondence`].
     Correspondence(Law<D>, Control),
     /// [`CorrectedCorrespondence`] of an order.
-    Corrected(Constants<HyperelasticConstants<D>>, zero_energy::Isotropic, usize),
+    Corrected(SmoothLaw<D>, zero_energy::Isotropic, usize),
     /// [`SubHorizonCorrespondence`].
-    SubHorizons(Constants<HyperelasticConstants<D>>, EmptySubHorizon),
+    SubHorizons(SmoothLaw<D>, EmptySubHorizon),
+    /// [`ExtendedCorrespondence`].
+    Extended(StrainLaw<D>, BondStrains),
 }
 
 /// A constitutive law with its constants.
 pub enum Law<const D: usize> {
-    /// One of the laws with an energy.
-    Hyperelastic(Constants<HyperelasticConstants<D>>),
+    /// One that all kinematics take.
+    Smooth(SmoothLaw<D>),
     /// [`KelvinVoigt`].
     KelvinVoigt(Constants<KelvinVoigtConstants<D>>),
     /// [`Almansi`], a law that is known by its Cauchy stress.
     Almansi(Constants<(Isotropic, Section)>),
+}
+
+/// A constitutive law that all kinematics take.
+#[allow(clippy::large_enum_variant)] // one for each material of a deck
+pub enum SmoothLaw<const D: usize> {
+    /// One of the laws with an energy.
+    Hyperelastic(Constants<HyperelasticConstants<D>>),
+    /// [`J2Plasticity`] in a strain of F.
+    Plastic(Constants<OfStrainConstants<J2PlasticityConstants>>),
+}
+
+/// A law of a strain.
+#[allow(clippy::large_enum_variant)] // one for each material of a deck
+pub enum StrainLaw<const D: usize> {
+    /// [`LinearElastic`].
+    Elastic(Constants<Stiffness<D>>),
+    /// [`J2Plasticity`].
+    Plastic(Constants<J2PlasticityConstants>),
+}
+
+/// How extended correspondence makes a strain tensor of bond strains.
+#[derive(Clone, Copy, Debug)]
+pub struct BondStrains {
+    /// The exponent m.
+    pub exponent: SethHill,
+    /// H
+    pub calibration: BondStrainCalibration,
+    /// Strength of the zero-energy control.
+    pub control: f64,
 }
 
 /// A zero-energy control.
@@ -85,7 +119,7 @@ macro_rules! compiled {
     ($($d:literal)*) => {$(
         impl Compiled<$d> for Catalog {
             fn part(model: Model<$d>, place: &Place<$d>) -> Box<dyn Part<$d>> {
-                part::<$d, { monomial_count($d, LARGEST_ORDER[$d - 1]) }, { sub_horizon_planes($d, 1) }>(model, place)
+                part::<$d, { monomial_count($d, LARGEST_ORDER[$d - 1]) }, { sub_horizon_planes($d, 1, false) }>(model, place)
             }
             fn simulated(structure: Structure<$d>) -> Box<dyn Simulated> {
                 Box::new(structure)
@@ -96,9 +130,9 @@ macro_rules! compiled {
 compiled!(1 2 3);
 
 /// Sub-horizons that models are compiled for, and so the numbers whose membership a body stores: four in the plane are a case of their
-/// own, because quadrants are.
-pub const fn sub_horizon_planes(d: usize, count: usize) -> usize {
-    if d == 2 && count <= 4 { 4 } else { 8 }
+/// own, because quadrants are (with history all come in eights).
+pub const fn sub_horizon_planes(d: usize, count: usize, history: bool) -> usize {
+    if d == 2 && count <= 4 && !history { 4 } else { 8 }
 }
 
 impl<const D: usize> Place<'_, D> {
@@ -115,20 +149,44 @@ fn part<const D: usize, const M: usize, const FEW: usize>(model: Model<D>, place
         Model::NonlinearBonds(law, c) => place.assign(BondBased { law, omega: Stored }, c),
         Model::LinearPeridynamicSolid(c) if place.weighted => place.assign(LinearPeridynamicSolid { omega: Stored }, c),
         Model::LinearPeridynamicSolid(c) => place.assign(LinearPeridynamicSolid { omega: One }, c),
-        Model::Correspondence(Law::Hyperelastic(c), control) if place.weighted => controlled(Hyperelastic, Stored, control, c, place),
-        Model::Correspondence(Law::Hyperelastic(c), control) => controlled(Hyperelastic, One, control, c, place),
+        Model::Correspondence(Law::Smooth(SmoothLaw::Hyperelastic(c)), control) if place.weighted => {
+            controlled(Hyperelastic, Stored, control, c, place)
+        }
+        Model::Correspondence(Law::Smooth(SmoothLaw::Hyperelastic(c)), control) => controlled(Hyperelastic, One, control, c, place),
+        Model::Correspondence(Law::Smooth(SmoothLaw::Plastic(c)), control) => controlled(OfStrain(J2Plasticity), Stored, control, c, place),
         Model::Correspondence(Law::KelvinVoigt(c), control) => controlled(KelvinVoigt, Stored, control, c, place),
         Model::Correspondence(Law::Almansi(c), control) => controlled(FromCauchy(Almansi), Stored, control, c, place),
-        Model::Corrected(c, control, order) => {
+        Model::Corrected(law, control, order) => {
             debug_assert!(order <= LARGEST_ORDER[D - 1]);
-            let (law, omega) = (Hyperelastic, Stored);
-            place.assign(CorrectedCorrespondence::<_, _, _, M> { law, control, omega, order }, c)
+            let omega = Stored;
+            match law {
+                SmoothLaw::Hyperelastic(c) => {
+                    place.assign(CorrectedCorrespondence::<_, _, _, M> { law: Hyperelastic, control, omega, order }, c)
+                }
+                SmoothLaw::Plastic(c) => {
+                    place.assign(CorrectedCorrespondence::<_, _, _, M> { law: OfStrain(J2Plasticity), control, omega, order }, c)
+                }
+            }
         }
-        Model::SubHorizons(c, empty) => match (place.sub_horizons, place.weighted) {
+        Model::SubHorizons(SmoothLaw::Hyperelastic(c), empty) => match (place.sub_horizons, place.weighted) {
             (n, true) if n == FEW => place.assign(SubHorizonCorrespondence::<_, _, FEW> { law: Hyperelastic, omega: Stored, empty }, c),
             (n, false) if n == FEW => place.assign(SubHorizonCorrespondence::<_, _, FEW> { law: Hyperelastic, omega: One, empty }, c),
             (_, true) => place.assign(SubHorizonCorrespondence::<_, _, 8> { law: Hyperelastic, omega: Stored, empty }, c),
             (_, false) => place.assign(SubHorizonCorrespondence::<_, _, 8> { law: Hyperelastic, omega: One, empty }, c),
+        },
+        Model::SubHorizons(SmoothLaw::Plastic(c), empty) => {
+            place.assign(SubHorizonCorrespondence::<_, _, 8> { law: OfStrain(J2Plasticity), omega: Stored, empty }, c)
+        }
+        Model::Extended(law, BondStrains { exponent, calibration, control }) => match (law, place.weighted) {
+            (StrainLaw::Elastic(c), true) => {
+                place.assign(ExtendedCorrespondence { law: LinearElastic, exponent, calibration, control, omega: Stored }, c)
+            }
+            (StrainLaw::Elastic(c), false) => {
+                place.assign(ExtendedCorrespondence { law: LinearElastic, exponent, calibration, control, omega: One }, c)
+            }
+            (StrainLaw::Plastic(c), _) => {
+                place.assign(ExtendedCorrespondence { law: J2Plasticity, exponent, calibration, control, omega: Stored }, c)
+            }
         },
     }
 }

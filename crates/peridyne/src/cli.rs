@@ -1,10 +1,12 @@
 //! The command line. Exit status: 0 done, 1 the run or a verification failed, 2 bad deck or usage.
 
-use crate::deck::{Deck, DeckErrors, Solver};
+use crate::deck::{Combination, Deck, DeckErrors, Solver, StudyDecks};
 use crate::output::summary::{Exit, Summary};
 use crate::problem::Problem;
 use crate::registry::{assemble, initial_state};
-use crate::run::{self, Progress, Quiet, RunError, Target};
+use crate::run::{self, Outcome, Progress, Quiet, RunError, Target};
+use crate::spectrum;
+use crate::study::{self, Made};
 use crate::verify;
 use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -37,9 +39,12 @@ enum Command {
         /// Replaces the value of a parameter.
         #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
         set: Vec<(String, String)>,
-        /// One of the deck's runs.
+        /// One of the deck's runs, without its study.
         #[arg(long)]
         run: Option<String>,
+        /// One combination of the deck's study, or those that have a part of their name, such as `m=2.1`.
+        #[arg(long, value_name = "NAME", conflicts_with = "run")]
+        only: Option<String>,
         /// Print results only.
         #[arg(long, short)]
         quiet: bool,
@@ -48,6 +53,23 @@ enum Command {
     Check {
         /// The deck.
         deck: PathBuf,
+        /// Threads [default: all cores].
+        #[arg(long)]
+        threads: Option<usize>,
+        /// Replaces the value of a parameter.
+        #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+        set: Vec<(String, String)>,
+        /// One of the deck's runs.
+        #[arg(long)]
+        run: Option<String>,
+    },
+    /// Tell whether waves cost energy in a deck's models, how they travel, and the lowest modes of its body; whatever the deck's solver.
+    Spectrum {
+        /// The deck.
+        deck: PathBuf,
+        /// Folder for the results [default: the deck's name with `.spectrum`].
+        #[arg(long)]
+        out: Option<PathBuf>,
         /// Threads [default: all cores].
         #[arg(long)]
         threads: Option<usize>,
@@ -110,8 +132,20 @@ pub fn main() -> ExitCode {
         eprintln!("warning: interrupts cannot be caught; Ctrl-C will end the program at once");
     }
     ExitCode::from(match arguments.command {
-        Command::Run { deck, out, threads, set, run, quiet } => with_threads(threads, || run_deck(&deck, out, &set, run.as_deref(), quiet)),
+        Command::Run { deck, out, threads, set, run, only, quiet } => with_threads(threads, || {
+            let study = if run.is_none() { Deck::study(&deck, &set) } else { Ok(None) };
+            match (study, only) {
+                (Err(e), _) => show(&e),
+                (Ok(Some(study)), only) => run_study(&deck, &study, out, only.as_deref(), quiet),
+                (Ok(None), Some(name)) => {
+                    eprintln!("error: --only {name}: {} has no study; `--run` chooses one of its runs", deck.display());
+                    2
+                }
+                (Ok(None), None) => run_deck(&deck, out, &set, run.as_deref(), quiet),
+            }
+        }),
         Command::Check { deck, threads, set, run } => with_threads(threads, || check_deck(&deck, &set, run.as_deref())),
+        Command::Spectrum { deck, out, threads, set, run } => with_threads(threads, || spectrum_of(&deck, out, &set, run.as_deref())),
         Command::Verify { paths, json, slow, threads } => with_threads(threads, || verify_decks(&paths, json.as_deref(), slow)),
         Command::Schema => print(&crate::deck::schema()),
         Command::New { path } => new_deck(&path),
@@ -168,15 +202,135 @@ impl Progress for Bar {
     }
 }
 
+/// `deck.out`, or `deck.run.out`.
+fn default_folder(path: &Path, name: Option<&str>, ending: &str) -> PathBuf {
+    let stem = path.file_stem().map_or_else(|| "deck".into(), |s| s.to_string_lossy().into_owned());
+    PathBuf::from(name.map_or_else(|| format!("{stem}.{ending}"), |n| format!("{stem}.{n}.{ending}")))
+}
+
+fn spectrum_of(path: &Path, out: Option<PathBuf>, set: &[(String, String)], name: Option<&str>) -> u8 {
+    let out = out.unwrap_or_else(|| default_folder(path, name, "spectrum"));
+    let made = Deck::load(path, set, name).and_then(Problem::new).and_then(|problem| {
+        let options = match &problem.deck.solver {
+            Solver::Spectrum(options) => options.into(),
+            _ => spectrum::Options::default(),
+        };
+        let mut assembly = assemble(&problem)?;
+        let report = spectrum::analyse(&problem, &mut *assembly.model, &options)?;
+        Ok((problem, report))
+    });
+    let (problem, report) = match made {
+        Ok(made) => made,
+        Err(e) => return show(&e),
+    };
+    println!("peridyne {}: {}", env!("CARGO_PKG_VERSION"), problem.deck.title.value);
+    for note in &report.notes {
+        eprintln!("note: {note}");
+    }
+    report.lines().iter().for_each(|line| println!("{line}"));
+    if let Err(e) = report.write(&problem, &out) {
+        eprintln!("error: {e}");
+        return 1;
+    }
+    println!("results in {}", out.display());
+    0
+}
+
+/// Shows how far a study is: a bar on a terminal, else a line for each combination.
+struct StudyProgress {
+    bar: Option<Bar>,
+    lines: bool,
+    place: String,
+}
+
+impl Progress for StudyProgress {
+    fn at(&mut self, share: f64, text: &str) {
+        if let Some(bar) = &mut self.bar {
+            bar.at(share, &format!("{}: {text}", self.place));
+        }
+    }
+}
+
+impl study::Listener for StudyProgress {
+    fn begins(&mut self, number: usize, count: usize, name: &str) {
+        self.place = format!("{number} of {count}, {name}");
+        self.at(0.0, "set-up");
+    }
+
+    fn ends(&mut self, made: &Made, outcome: &Outcome) {
+        let say = |text: String| match &self.bar {
+            Some(bar) => bar.0.println(text),
+            None => println!("{text}"),
+        };
+        for warning in &outcome.summary.warnings {
+            eprintln!("warning: {}: {warning}", made.name);
+        }
+        if let Some(reason) = &made.stopped {
+            eprintln!("{} stopped: {reason}", made.name);
+        }
+        if self.lines {
+            let points = outcome.summary.sizes.points;
+            say(format!("{}: {points} points, {:.2} s", self.place, made.seconds));
+        }
+    }
+}
+
+fn run_study(path: &Path, study: &StudyDecks, out: Option<PathBuf>, only: Option<&str>, quiet: bool) -> u8 {
+    let chosen = |one: &Combination| only.is_none_or(|wanted| one.is_called(wanted));
+    let count = study.combinations.iter().filter(|one| chosen(one)).count();
+    if count == 0 {
+        let names: Vec<&str> = study.combinations.iter().map(|one| one.name.as_str()).collect();
+        eprintln!("error: --only {}: the study has no such combination; it has\n  {}", only.unwrap_or_default(), names.join("\n  "));
+        return 2;
+    }
+    let out = out.unwrap_or_else(|| default_folder(path, None, "out"));
+    let shown = std::io::stderr().is_terminal() && !quiet;
+    if !quiet {
+        println!("peridyne {}: {}, {count} of {} runs", env!("CARGO_PKG_VERSION"), study.written.title.value, study.combinations.len());
+    }
+    let mut listener = StudyProgress { bar: shown.then(Bar::new), lines: !quiet, place: String::new() };
+    let result = study::run(study, Some(&out), &chosen, &mut listener, &CANCEL);
+    if let Some(bar) = &listener.bar {
+        bar.0.finish_and_clear();
+    }
+    let outcome = match result {
+        Ok(outcome) => outcome,
+        Err(RunError::Deck(e)) => return show(&e),
+        Err(e) => {
+            eprintln!("error: {e}");
+            return 1;
+        }
+    };
+    for made in outcome.made.iter().filter(|made| !made.measurements.is_empty()) {
+        println!("{:<44}{:>20}{:>20}", made.name, "computed", "reference");
+        for m in &made.measurements {
+            line(&format!("  {}", m.quantity), m.computed, m.reference, m.tolerance, m.passed, m.problem.as_deref());
+        }
+    }
+    if !outcome.measurements.is_empty() {
+        println!("{:<44}{:>20}{:>20}", "the study", "computed", "reference");
+        for m in &outcome.measurements {
+            line(&format!("  {}", m.quantity), m.computed, m.reference, m.tolerance, m.passed, m.problem.as_deref());
+        }
+    }
+    for why in &outcome.undrawn {
+        eprintln!("error: {why}");
+    }
+    if !quiet {
+        if only.is_some() && outcome.left_out + study.written.figures.len() > 0 {
+            println!("what is expected of all runs together was not measured, and no figures were drawn");
+        }
+        println!("results in {}", out.display());
+    }
+    u8::from(!outcome.is_good() || outcome.made.len() < count)
+}
+
 fn run_deck(path: &Path, out: Option<PathBuf>, set: &[(String, String)], name: Option<&str>, quiet: bool) -> u8 {
     let deck = match Deck::load(path, set, name) {
         Ok(deck) => deck,
         Err(e) => return show(&e),
     };
-    let out = out.unwrap_or_else(|| {
-        let stem = path.file_stem().map_or_else(|| "deck".into(), |s| s.to_string_lossy().into_owned());
-        PathBuf::from(name.map_or_else(|| format!("{stem}.out"), |n| format!("{stem}.{n}.out")))
-    });
+    let out = out.unwrap_or_else(|| default_folder(path, name, "out"));
     let title = deck.title.value.clone();
     let shown = std::io::stderr().is_terminal() && !quiet;
     if !quiet {
@@ -198,6 +352,9 @@ fn run_deck(path: &Path, out: Option<PathBuf>, set: &[(String, String)], name: O
         }
         Ok(outcome) => {
             close(&outcome.summary, &out, quiet);
+            if let (Some(report), false) = (&outcome.spectrum, quiet) {
+                report.lines().iter().for_each(|line| println!("{line}"));
+            }
             let failed = outcome.measurements.iter().any(|m| !m.passed);
             if !outcome.measurements.is_empty() {
                 println!("{:<44}{:>20}{:>20}{:>11}", "expected", "computed", "reference", "");
@@ -254,6 +411,29 @@ fn line(quantity: &str, computed: f64, reference: f64, tolerance: f64, passed: b
     }
 }
 
+/// Checks every combination of a study, and tells how many there are.
+fn check_study(path: &Path, set: &[(String, String)]) -> u8 {
+    let study = match Deck::study(path, set) {
+        Ok(Some(study)) => study,
+        Ok(None) => return 0,
+        Err(e) => return show(&e),
+    };
+    if let Err(e) = crate::figures::check(&study.written) {
+        return show(&e);
+    }
+    let count = study.combinations.len();
+    println!("  {:<40}{count:>20} runs", "study");
+    let mut faults = vec![];
+    for one in study.combinations {
+        match Problem::new(one.deck) {
+            Ok(problem) => println!("    {:<38}{:>20} points{}", one.name, problem.cloud.len(), if one.slow { ", slow" } else { "" }),
+            Err(e) => faults.push(e.of(&one.name)),
+        }
+    }
+    println!("  {:<40}{:>20}", "figures", study.written.figures.len());
+    if faults.is_empty() { 0 } else { show(&DeckErrors::joined(faults)) }
+}
+
 fn check_deck(path: &Path, set: &[(String, String)], name: Option<&str>) -> u8 {
     let problem = match Deck::load(path, set, name).and_then(Problem::new) {
         Ok(p) => p,
@@ -288,6 +468,9 @@ fn check_deck(path: &Path, set: &[(String, String)], name: Option<&str>) -> u8 {
     for w in &assembly.warnings {
         println!("warning: {w}");
     }
+    let (lines, warnings) = spectrum::quick(&problem);
+    lines.iter().for_each(|line| println!("  {line}"));
+    warnings.iter().for_each(|w| println!("warning: {w}"));
     if let Solver::VelocityVerlet(v) = &problem.deck.solver {
         assembly.model.set_statics(false);
         let (u, _) = initial_state(&problem, solvers::problem::Statics::dofs(&*assembly.model));
@@ -307,7 +490,7 @@ fn check_deck(path: &Path, set: &[(String, String)], name: Option<&str>) -> u8 {
             Err(e) => println!("warning: no stable step could be found: {e}"),
         }
     }
-    0
+    if name.is_none() { check_study(path, set) } else { 0 }
 }
 
 fn verify_decks(paths: &[PathBuf], json: Option<&Path>, slow: bool) -> u8 {
@@ -329,7 +512,15 @@ fn verify_decks(paths: &[PathBuf], json: Option<&Path>, slow: bool) -> u8 {
                 continue;
             }
         };
-        for r in runs.iter().filter(|r| slow || !r.slow) {
+        let study = match Deck::study(path, &[]) {
+            Ok(study) => study,
+            Err(e) => {
+                status = status.max(show(&e));
+                faulty += 1;
+                continue;
+            }
+        };
+        for r in runs.iter().filter(|r| slow || !r.slow).filter(|r| study.as_ref().is_none_or(|study| !study.covers(&r.name))) {
             if CANCEL.load(Ordering::Relaxed) {
                 return 1;
             }
@@ -349,6 +540,21 @@ fn verify_decks(paths: &[PathBuf], json: Option<&Path>, slow: bool) -> u8 {
                     report.results.extend(verdicts);
                 }
             }
+        }
+        let Some(study) = study else { continue };
+        let mut told = |name: &str, seconds: Option<f64>, verdicts: Vec<verify::Verdict>| {
+            if !verdicts.is_empty() {
+                let seconds = seconds.map_or_else(String::new, |s| format!(" {s:.1} s"));
+                println!("{} [{name}]{seconds}", path.display());
+                for v in &verdicts {
+                    line(&format!("  {}", v.quantity), v.computed, v.reference, v.tolerance, v.passed, v.problem.as_deref());
+                }
+                report.results.extend(verdicts);
+            }
+        };
+        if let Err(e) = verify::verify_study(path, &study, slow, &mut told, &CANCEL) {
+            status = status.max(show(&e));
+            faulty += 1;
         }
     }
     let failed = report.results.iter().filter(|v| !v.passed).count();

@@ -1,15 +1,20 @@
 //! Peridyne: a deck in, a verified result out.
 //!
 //! The way from a deck to its result: [`deck`] (as typed) → [`problem`] (validated) → [`registry`] (models and bodies) →
-//! [`run`] (solvers and observers) → [`output`] (fields, tables, pictures) and [`verify`].
+//! [`run`] (solvers and observers; [`spectrum`]: stability) → [`output`] (fields, tables, pictures) and [`verify`]; [`study`] makes many
+//! runs of one deck.
 #![forbid(unsafe_code)]
 
 pub mod cli;
 pub mod deck;
+mod figures;
 pub mod output;
 pub mod point_file;
 pub mod problem;
+pub mod reference;
 pub mod registry;
 pub mod run;
+pub mod spectrum;
+pub mod study;
 mod thin_registry;
 pub mod verify;

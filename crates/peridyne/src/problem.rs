@@ -34,6 +34,8 @@ pub struct Problem {
     pub cracks: Option<Cracks>,
     /// Whether the body is a beam or a plate, whose families are those of bond pairs; `neighbors` is empty then.
     pub thin: bool,
+    /// Where all constants of materials are taken, whatever the place of a point; `None`: each point has its own.
+    pub constants_at: Option<[f64; 3]>,
 }
 
 type Checked<T> = Result<T, Vec<Issue>>;
@@ -47,7 +49,7 @@ impl Problem {
         Self::build(&deck).map_err(|issues| deck.errors(issues)).map(|(section, parts)| {
             let Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks } = parts;
             let thin = is_thin(&deck);
-            Problem { deck, section, cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, thin }
+            Problem { deck, section, cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, thin, constants_at: None }
         })
     }
 
@@ -126,6 +128,7 @@ impl Problem {
             ));
         }
         let cracks = cracks(deck, &mut issues);
+        references(deck, &cloud, &sets, &mut issues);
         if issues.is_empty() {
             Ok((section, Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks }))
         } else {
@@ -148,12 +151,24 @@ impl Problem {
         nearest(&self.cloud, x)
     }
 
+    /// What a field should be at points (sorted indices) and a time.
+    ///
+    /// # Errors
+    /// What is wrong with the file that says so.
+    pub fn reference(&self, error: &deck::FieldError, points: &[u32], t: f64) -> Result<Vec<f64>, String> {
+        match &error.against {
+            Some(field) => Ok(points.iter().map(|&p| field.eval(self.cloud.position[p as usize], t)).collect()),
+            None => reference_field(&self.deck, &self.cloud, error, points),
+        }
+    }
+
     /// End of the run: a time in dynamics, a load parameter in statics.
     pub fn end(&self) -> Option<f64> {
         match &self.deck.solver {
             Solver::VelocityVerlet(v) => v.end.map(|q| q.value),
             Solver::Statics(s) => Some(s.end.value),
             Solver::DynamicRelaxation(s) => Some(s.end.value),
+            Solver::Spectrum(_) => None,
         }
     }
 }
@@ -530,6 +545,7 @@ fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>
         Solver::VelocityVerlet(v) => v.end.map_or(1.0, |e| e.value),
         Solver::Statics(s) => s.end.value,
         Solver::DynamicRelaxation(s) => s.end.value,
+        Solver::Spectrum(_) => 1.0,
     };
     type Seen<'a> = BTreeMap<(u32, usize), (usize, &'a Condition)>;
     let mut seen: Seen = BTreeMap::new();
@@ -646,6 +662,24 @@ fn cracks(deck: &Deck, issues: &mut Vec<Issue>) -> Option<Cracks> {
             None
         }
     }
+}
+
+/// Fields in files that results are compared with must have a line at each point that they are compared at.
+fn references(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>, issues: &mut Vec<Issue>) {
+    for error in deck.expectations().chain(deck.measures()).filter_map(|e| e.error.as_ref()) {
+        if let (Some(csv), Some(points)) = (&error.csv, sets.get(&error.over.value))
+            && let Err(message) = reference_field(deck, cloud, error, points)
+        {
+            issues.push(Issue::new(csv.span, message, "the file needs columns x, y, z as the body has dimensions, and the reference"));
+        }
+    }
+}
+
+fn reference_field(deck: &Deck, cloud: &PointCloud, error: &deck::FieldError, points: &[u32]) -> Result<Vec<f64>, String> {
+    let Some(csv) = &error.csv else { return Ok(vec![]) };
+    let position: Vec<[f64; 3]> = points.iter().map(|&p| cloud.position[p as usize]).collect();
+    let spacing: Vec<f64> = points.iter().map(|&p| cloud.spacing[p as usize]).collect();
+    crate::reference::field_at(&deck.resolve(&csv.value), &error.column.value, &position, &spacing, cloud.dimension)
 }
 
 /// The axis letter of a component.

@@ -11,12 +11,16 @@ use bodies::damage::Criterion;
 use bodies::loads::{self, Field, Kind, Wall};
 use bodies::part::{Constants, Part};
 use bodies::structure::{Failure, Parts, Simulated, Structure, Temperature};
-use catalog::{Catalog, Compiled, Control, Law, Model, Place};
-use physics::constitutive::{HyperelasticConstants, KelvinVoigtConstants, NeoHookeanConstants};
+use catalog::{BondStrains, Catalog, Compiled, Control, Law, Model, Place, SmoothLaw, StrainLaw};
+use physics::constitutive::{
+    HyperelasticConstants, J2PlasticityConstants, KelvinVoigtConstants, NeoHookeanConstants, OfStrainConstants, StrainMeasure,
+};
 use physics::elasticity::{self, Isotropic, Section, Stiffness};
 use physics::failure::{CrackPlane, continuum_critical_bond_energy, continuum_critical_stretch, crossing_energy};
 use physics::influence::Radial;
-use physics::models::{BondBasedConstants, EmptySubHorizon, LARGEST_ORDER, LinearPeridynamicSolidConstants};
+use physics::models::{
+    BondBasedConstants, BondStrainCalibration, EmptySubHorizon, LARGEST_ORDER, LinearPeridynamicSolidConstants, SethHill,
+};
 use physics::stretch_law::{Bilinear, ElasticPlastic, Nonlinear, Tabulated};
 use physics::sub_horizon::Partition;
 use physics::tensor::Vector;
@@ -147,6 +151,9 @@ impl Site<'_> {
     where
         C: Clone,
     {
+        if let Some(place) = self.problem.constants_at {
+            return at(place).map(Constants::Uniform).map_err(|i| vec![i]);
+        }
         let position = &self.problem.cloud.position;
         if uniform {
             return at(position[self.points.first().map_or(0, |&p| p as usize)]).map(Constants::Uniform).map_err(|i| vec![i]);
@@ -204,6 +211,7 @@ fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
                 site.constants(source.is_constant(), |x| Ok(LinearPeridynamicSolidConstants::new(source.at(x, section)?, section)))?;
             Ok(Model::LinearPeridynamicSolid(constants))
         }
+        deck::Model::ExtendedCorrespondence(m) => extended::<D>(site, m),
         deck::Model::Correspondence(c) => {
             let control = match c.control.as_ref().map(|c| &c.value) {
                 // in one dimension the tensor is a number
@@ -219,7 +227,7 @@ fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
             let law = law::<D>(site, &c.law)?;
             match (&c.kinematics, law) {
                 (deck::Kinematics::WholeFamily, law) => Ok(Model::Correspondence(law, control)),
-                (deck::Kinematics::Corrected(k), Law::Hyperelastic(constants)) => {
+                (deck::Kinematics::Corrected(k), Law::Smooth(law)) => {
                     let order = k.order.value as usize;
                     if order == 0 || order > LARGEST_ORDER[D - 1] {
                         return Err(vec![Issue::new(
@@ -235,9 +243,9 @@ fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
                             "use `wan_2019_objective`, `silling_2017` or `none`",
                         )]);
                     };
-                    Ok(Model::Corrected(constants, control, order))
+                    Ok(Model::Corrected(law, control, order))
                 }
-                (deck::Kinematics::SubHorizons(s), Law::Hyperelastic(constants)) => {
+                (deck::Kinematics::SubHorizons(s), Law::Smooth(law)) => {
                     if let Some(control) = c.control.as_ref().filter(|c| !matches!(c.value, deck::Control::None)) {
                         return Err(vec![Issue::new(
                             control.span,
@@ -250,7 +258,7 @@ fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
                         deck::EmptySubHorizonName::Renormalise => EmptySubHorizon::Renormalise,
                         deck::EmptySubHorizonName::ZeroEnergy => EmptySubHorizon::ZeroEnergy { of: count as u32 },
                     };
-                    Ok(Model::SubHorizons(constants, empty))
+                    Ok(Model::SubHorizons(law, empty))
                 }
                 (_, _) => Err(vec![Issue::new(
                     c.span,
@@ -266,6 +274,43 @@ fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
 /// Beams and plates are bodies of their own.
 fn thin_model(m: &deck::Material) -> Issue {
     Issue::new(m.points.span, "a beam or plate does not mix with solids", "give all points the one material of the beam or plate")
+}
+
+/// Extended correspondence, with its constants.
+fn extended<const D: usize>(site: &Site, m: &deck::ExtendedCorrespondence) -> Checked<Model<D>> {
+    let section = site.problem.section;
+    let law = match &m.law {
+        deck::StrainLaw::LinearElastic(e) => StrainLaw::Elastic(site.constants(is_constant(e), |x| stiffness_at::<D>(e, x, section))?),
+        deck::StrainLaw::J2Plasticity(j) => {
+            let (uniform, at) = plasticity(j, section);
+            StrainLaw::Plastic(site.constants(uniform, at)?)
+        }
+    };
+    let exponent = SethHill::new(m.exponent.value)
+        .map_err(|e| vec![Issue::new(m.exponent.span, e.to_string(), "give an exponent between -2 and 2: 0 is the logarithmic strain")])?;
+    let calibration = match m.calibration {
+        deck::StrainCalibration::MomentTensor => BondStrainCalibration::MomentTensor,
+        deck::StrainCalibration::TruncatedMomentTensor => BondStrainCalibration::TruncatedMomentTensor,
+        deck::StrainCalibration::AsPublished => BondStrainCalibration::AsPublished,
+    };
+    Ok(Model::Extended(law, BondStrains { exponent, calibration, control: m.control.value }))
+}
+
+/// The constants of a plastic law by place, and whether they are the same everywhere.
+fn plasticity(j: &deck::J2Plasticity, section: Section) -> (bool, impl Fn([f64; 3]) -> Result<J2PlasticityConstants, Issue>) {
+    let e = &j.elasticity;
+    let source = IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: j.span };
+    let uniform = source.is_constant()
+        && j.yield_stress.constant().is_some()
+        && j.hardening_modulus.constant().is_some()
+        && j.thermal_expansion.as_ref().is_none_or(|a| a.constant().is_some());
+    let at = move |x: [f64; 3]| {
+        let expansion = j.thermal_expansion.as_ref().map_or(0.0, |a| a.eval(x, 0.0));
+        let (y, h) = (j.yield_stress.eval(x, 0.0), j.hardening_modulus.eval(x, 0.0));
+        J2PlasticityConstants::new(source.at(x, section)?, y, h, expansion, section)
+            .map_err(|e| Issue::new(j.span, e.to_string(), "correct the constant, or its expression at this place"))
+    };
+    (uniform, at)
 }
 
 /// The partition a deck names. In a dimension that does not have it, [`Partition::count`] refuses it.
@@ -296,25 +341,34 @@ fn sub_horizons(m: &deck::Material) -> Option<&deck::SubHorizons> {
 /// Numbers of sub-horizons whose membership the bonds store. Partitions that do not fit the dimension store none: they are refused
 /// with their material.
 fn planes(m: &deck::Material, d: usize) -> usize {
-    sub_horizons(m).and_then(|s| partition(s, d).count(d).ok()).map_or(0, |n| catalog::sub_horizon_planes(d, n))
+    let history = matches!(&m.model, deck::Model::Correspondence(c) if matches!(c.law, LawName::J2Plasticity(_)));
+    sub_horizons(m).and_then(|s| partition(s, d).count(d).ok()).map_or(0, |n| catalog::sub_horizon_planes(d, n, history))
 }
 
 /// A constitutive law, with its constants.
 fn law<const D: usize>(site: &Site, law: &LawName) -> Checked<Law<D>> {
     let section = site.problem.section;
     Ok(match law {
-        LawName::LinearElastic(e) => Law::Hyperelastic(
+        LawName::LinearElastic(e) => Law::Smooth(SmoothLaw::Hyperelastic(
             site.constants(is_constant(e), |x| Ok(HyperelasticConstants::LinearElastic(stiffness_at::<D>(e, x, section)?)))?,
-        ),
-        LawName::SaintVenantKirchhoff(e) => Law::Hyperelastic(
+        )),
+        LawName::SaintVenantKirchhoff(e) => Law::Smooth(SmoothLaw::Hyperelastic(
             site.constants(is_constant(e), |x| Ok(HyperelasticConstants::SaintVenantKirchhoff(stiffness_at::<D>(e, x, section)?)))?,
-        ),
+        )),
+        LawName::J2Plasticity(j) => {
+            let measure = match j.strain {
+                deck::PlasticStrain::Small => StrainMeasure::Small,
+                deck::PlasticStrain::Logarithmic => StrainMeasure::Logarithmic,
+            };
+            let (uniform, at) = plasticity(j, section);
+            Law::Smooth(SmoothLaw::Plastic(site.constants(uniform, |x| Ok(OfStrainConstants { measure, law: at(x)? }))?))
+        }
         LawName::NeoHookean(e) => {
             let source =
                 IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span };
-            Law::Hyperelastic(site.constants(source.is_constant(), |x| {
+            Law::Smooth(SmoothLaw::Hyperelastic(site.constants(source.is_constant(), |x| {
                 Ok(HyperelasticConstants::NeoHookean(NeoHookeanConstants { elastic: source.at(x, section)?, expansion: 0.0, section }))
-            })?)
+            })?))
         }
         LawName::KelvinVoigt(k) => {
             let uniform = k.retardation_time.constant().is_some() && is_constant(&k.elasticity);
@@ -336,7 +390,11 @@ fn law<const D: usize>(site: &Site, law: &LawName) -> Checked<Law<D>> {
 
 fn check_bond_based_poisson(site: &Site, b: &deck::BondBased) -> Checked<()> {
     let (Some(given), Some(fixed)) = (&b.poisson_ratio, BondBasedConstants::poisson(site.problem.section)) else { return Ok(()) };
-    let wrong = site.points.iter().map(|&p| given.eval(site.problem.cloud.position[p as usize], 0.0)).find(|nu| (nu - fixed).abs() > 1e-6);
+    let wrong = site
+        .points
+        .iter()
+        .map(|&p| given.eval(site.problem.constants_at.unwrap_or(site.problem.cloud.position[p as usize]), 0.0))
+        .find(|nu| (nu - fixed).abs() > 1e-6);
     match wrong {
         None => Ok(()),
         Some(nu) => Err(vec![Issue::new(
@@ -371,6 +429,8 @@ impl IsotropicSource<'_> {
             (_, Some(nu), Some(k), _) => Isotropic { young: 3.0 * k * (1.0 - 2.0 * nu), poisson: nu },
             (_, Some(nu), _, Some(g)) => Isotropic { young: 2.0 * g * (1.0 + nu), poisson: nu },
             (_, _, Some(k), Some(g)) => Isotropic::from_bulk_shear(k, g),
+            // nothing in a bar depends on it
+            (Some(young), None, None, None) if matches!(section, Section::Bar { .. }) => Isotropic { young, poisson: 0.0 },
             _ => return Err(Issue::new(self.span, "two elastic constants are needed", "give `youngs_modulus` and `poisson_ratio`")),
         };
         let incompressible = m.poisson >= 0.5 - 1e-9 && !matches!(section, Section::Bar { .. } | Section::PlaneStress { .. });
@@ -511,6 +571,7 @@ fn influence_of(m: &deck::Material) -> (&InfluenceName, bool) {
         deck::Model::BondBased(b) => (&b.influence, b.isotropy_correction),
         deck::Model::LinearPeridynamicSolid(l) => (&l.influence, l.isotropy_correction),
         deck::Model::Correspondence(c) => (&c.influence, false),
+        deck::Model::ExtendedCorrespondence(c) => (&c.influence, false),
         deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) => (&InfluenceName::Constant, false),
     }
 }
@@ -520,8 +581,10 @@ fn stores_influence(problem: &Problem, m: &deck::Material) -> bool {
     let always = match &m.model {
         deck::Model::BondBased(b) => !matches!(b.bond_law, BondLaw::Elastic),
         deck::Model::Correspondence(c) => {
-            matches!(c.law, LawName::KelvinVoigt(_) | LawName::Almansi(_)) || matches!(c.kinematics, deck::Kinematics::Corrected(_))
+            matches!(c.law, LawName::KelvinVoigt(_) | LawName::Almansi(_) | LawName::J2Plasticity(_))
+                || matches!(c.kinematics, deck::Kinematics::Corrected(_))
         }
+        deck::Model::ExtendedCorrespondence(c) => matches!(c.law, deck::StrainLaw::J2Plasticity(_)),
         deck::Model::LinearPeridynamicSolid(_) | deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) => false,
     };
     always
@@ -692,9 +755,14 @@ fn isotropic_estimate<const D: usize>(m: &deck::Material, x: [f64; 3], section: 
             IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: l.span }
                 .at(x, section)
         }
+        deck::Model::ExtendedCorrespondence(c) => match &c.law {
+            deck::StrainLaw::LinearElastic(e) => Ok(stiffness_at::<D>(e, x, section)?.average),
+            deck::StrainLaw::J2Plasticity(j) => Ok(plasticity(j, section).1(x)?.elastic),
+        },
         deck::Model::Correspondence(c) => match &c.law {
             LawName::LinearElastic(e) | LawName::SaintVenantKirchhoff(e) => Ok(stiffness_at::<D>(e, x, section)?.average),
             LawName::KelvinVoigt(k) => Ok(stiffness_at::<D>(&k.elasticity, x, section)?.average),
+            LawName::J2Plasticity(j) => Ok(plasticity(j, section).1(x)?.elastic),
             LawName::NeoHookean(e) | LawName::Almansi(e) => {
                 IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span }
                     .at(x, section)

@@ -9,6 +9,7 @@ use crate::output::vtkhdf::FieldFile;
 use crate::output::{Field, FieldValues, OutputError, Snapshot, color::ColorMap};
 use crate::problem::{Problem, axis_name};
 use crate::registry::{Assembly, assemble, initial_state};
+use crate::spectrum;
 use crate::verify::{Measurement, Pending};
 use bodies::measures::FieldName;
 use bodies::structure::Simulated;
@@ -51,14 +52,72 @@ impl Progress for Quiet {
     fn at(&mut self, _: f64, _: &str) {}
 }
 
+/// A component of a field that is kept, at a time or at the end.
+#[derive(Debug, Clone)]
+pub struct Wanted {
+    /// The component.
+    pub field: FieldComponent,
+    /// When; `None` at the end.
+    pub time: Option<f64>,
+}
+
+/// A component of a field as it was.
+#[derive(Debug, Clone)]
+pub struct Kept {
+    /// Its name, such as `displacement.x`.
+    pub field: String,
+    /// The time asked for; `None` at the end.
+    pub time: Option<f64>,
+    /// One value a point.
+    pub values: Vec<f64>,
+    /// The displacements at that time.
+    pub displacement: Vec<[f64; 3]>,
+}
+
+/// What is kept of a run in memory: points in the user's order, the fields that were wanted, the histories.
+#[derive(Debug, Clone, Default)]
+pub struct Observed {
+    /// Dimension of space.
+    pub dimension: usize,
+    /// Reference positions.
+    pub reference: Vec<[f64; 3]>,
+    /// Edge of the cell of each point.
+    pub edge: Vec<f64>,
+    /// The fields that were wanted.
+    pub fields: Vec<Kept>,
+    /// Names of the histories.
+    pub columns: Vec<String>,
+    /// Rows of the histories.
+    pub rows: Vec<Vec<f64>>,
+}
+
+impl Observed {
+    /// The field `name` at a time, or at the end; `None` if it was not kept.
+    pub fn field(&self, name: &str, time: Option<f64>) -> Option<&Kept> {
+        self.fields.iter().find(|kept| kept.field == name && kept.time == time)
+    }
+
+    /// A column of the histories.
+    pub fn column(&self, name: &str) -> Option<Vec<f64>> {
+        let k = self.columns.iter().position(|column| column == name)?;
+        Some(self.rows.iter().map(|row| row[k]).collect())
+    }
+}
+
 /// What a run ended with.
 pub struct Outcome {
     /// As written to `summary.json`.
     pub summary: Summary,
     /// What was expected, measured.
     pub measurements: Vec<Measurement>,
+    /// What a study measures without expecting it: names and values, NaN where it could not be measured.
+    pub measures: Vec<(String, f64)>,
+    /// What is kept of the run.
+    pub observed: Observed,
     /// Whether the run reached its end.
     pub completed: bool,
+    /// What the solver `spectrum` found.
+    pub spectrum: Option<spectrum::Report>,
 }
 
 /// Where results go.
@@ -74,12 +133,26 @@ pub enum Target<'a> {
 /// # Errors
 /// [`RunError`] where the deck is at fault or nothing can be written; a run that goes wrong on the way is an [`Outcome`].
 pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &AtomicBool) -> Result<Outcome, RunError> {
+    run_keeping(deck, target, &[], progress, cancel)
+}
+
+/// Runs a deck and keeps some fields in memory.
+///
+/// # Errors
+/// Those of [`run`].
+pub fn run_keeping(
+    deck: Deck,
+    target: &Target,
+    wanted: &[Wanted],
+    progress: &mut dyn Progress,
+    cancel: &AtomicBool,
+) -> Result<Outcome, RunError> {
     let clock = Instant::now();
     let problem = Problem::new(deck).map_err(RunError::Deck)?;
     let assembly = assemble(&problem).map_err(RunError::Deck)?;
     let setup = clock.elapsed().as_secs_f64();
     let Assembly { mut model, derived, warnings } = assembly;
-    let mut recorder = Recorder::new(&problem, &*model, target)?;
+    let mut recorder = Recorder::new(&problem, &*model, target, wanted)?;
     let (mut u, v) = initial_state(&problem, Statics::dofs(&*model));
     let mut constants: Vec<Constant> = derived.into_iter().map(|(name, value, unit)| Constant { name, value, unit: unit.into() }).collect();
     // the balance of energy counts from the state before the first step
@@ -88,6 +161,7 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
     let solving = Instant::now();
     let mut solver_time = 0.0;
     let mut lost_digits = 0.0;
+    let mut found = None;
     let (exit, steps) = match &problem.deck.solver {
         Solver::VelocityVerlet(options) => {
             model.set_statics(false);
@@ -166,6 +240,16 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
             recorder.span = (0.0, options.end.value);
             statics(&mut *model, &program, &mut method, &mut u, &mut recorder, progress, cancel)
         }
+        Solver::Spectrum(options) => {
+            let report = spectrum::analyse(&problem, &mut *model, &options.into()).map_err(RunError::Deck)?;
+            if let Target::Folder(folder) = target {
+                report.write(&problem, folder)?;
+            }
+            recorder.found = report.quantities();
+            recorder.warnings.extend(report.notes.iter().cloned());
+            found = Some(report);
+            (Exit::Completed { time: 0.0 }, 0)
+        }
     };
     solver_time = solving.elapsed().as_secs_f64().max(solver_time) - recorder.seconds;
     let mut result = recorder.finish(&mut *model, &u, &exit)?;
@@ -223,7 +307,14 @@ pub fn run(deck: Deck, target: &Target, progress: &mut dyn Progress, cancel: &At
         summary.write(&folder.join("summary.json"))?;
     }
     let completed = matches!(exit, Exit::Completed { .. });
-    Ok(Outcome { summary, measurements: result.measurements, completed })
+    Ok(Outcome {
+        summary,
+        measurements: result.measurements,
+        measures: result.measures,
+        observed: result.observed,
+        completed,
+        spectrum: found,
+    })
 }
 
 fn motion_failure(e: &MotionError) -> String {
@@ -278,6 +369,8 @@ struct Rows {
 /// What a recorder leaves.
 struct Recorded {
     measurements: Vec<Measurement>,
+    measures: Vec<(String, f64)>,
+    observed: Observed,
     warnings: Vec<String>,
     seconds: f64,
 }
@@ -296,6 +389,10 @@ struct Recorder<'a> {
     file: Option<FieldFile>,
     pending: Vec<Pending<'a>>,
     measured: Vec<Measurement>,
+    /// What is measured without being expected.
+    measures: Vec<(String, f64)>,
+    wanted: Vec<Wanted>,
+    kept: Vec<Kept>,
     /// Start and end of the run.
     span: (f64, f64),
     next_frame: f64,
@@ -307,10 +404,12 @@ struct Recorder<'a> {
     seconds: f64,
     warnings: Vec<String>,
     failed: Option<OutputError>,
+    /// Scalars of the run as a whole, for expectations.
+    found: Vec<(String, f64)>,
 }
 
 impl<'a> Recorder<'a> {
-    fn new(problem: &'a Problem, model: &dyn Simulated, target: &Target) -> Result<Self, RunError> {
+    fn new(problem: &'a Problem, model: &dyn Simulated, target: &Target, wanted: &[Wanted]) -> Result<Self, RunError> {
         let folder = match target {
             Target::Folder(path) => {
                 std::fs::create_dir_all(path).map_err(|source| OutputError::Io { action: "create", path: path.to_path_buf(), source })?;
@@ -327,26 +426,7 @@ impl<'a> Recorder<'a> {
             edge[q as usize] = (problem.cloud.volume[p] / problem.section.measure()).powf(1.0 / d as f64);
         }
         let conditions = model.condition_names();
-        let mut columns: Vec<String> = [
-            "time",
-            "step",
-            "energy.kinetic",
-            "energy.strain",
-            "energy.contact",
-            "energy.external_work",
-            "energy.total",
-            "energy.dissipated",
-            "momentum.x",
-            "momentum.y",
-            "momentum.z",
-            "angular_momentum.x",
-            "angular_momentum.y",
-            "angular_momentum.z",
-            "damage.max",
-            "damage.broken_bonds",
-        ]
-        .map(String::from)
-        .into();
+        let mut columns: Vec<String> = deck::HISTORY.map(String::from).into();
         columns.extend(problem.deck.output.measures.iter().map(|m| m.name.value.clone()));
         for name in &conditions {
             columns.extend((0..problem.directions()).map(|k| format!("reaction.{name}.{}", axis_name(k))));
@@ -356,7 +436,7 @@ impl<'a> Recorder<'a> {
             None => None,
         };
         let fields = problem.deck.output.fields.iter().filter_map(|f| FieldName::parse(f.name())).collect();
-        let pending = problem.deck.expectations().filter_map(Pending::new).collect();
+        let pending = problem.deck.expectations().chain(problem.deck.measures()).filter_map(Pending::new).collect();
         Ok(Recorder {
             problem,
             folder,
@@ -370,6 +450,9 @@ impl<'a> Recorder<'a> {
             file: None,
             pending,
             measured: vec![],
+            measures: vec![],
+            wanted: wanted.to_vec(),
+            kept: vec![],
             span: (0.0, 1.0),
             next_frame: f64::NEG_INFINITY,
             next_row: f64::NEG_INFINITY,
@@ -380,6 +463,7 @@ impl<'a> Recorder<'a> {
             seconds: 0.0,
             warnings: vec![],
             failed: None,
+            found: vec![],
         })
     }
 
@@ -427,6 +511,7 @@ impl<'a> Recorder<'a> {
             self.next_frame = next_after(self.next_frame, self.frame_interval(), t, self.span.0);
         }
         self.measure_due(model, report.step, t, u, &v, Some(0.5 * report.increment));
+        self.keep_due(model, t, u, &v, Some(0.5 * report.increment));
         self.seconds += clock.elapsed().as_secs_f64();
         let share = ((t - self.span.0) / (self.span.1 - self.span.0)).clamp(0.0, 1.0);
         progress.at(share, &format!("step {}, time {t:.4e}", report.step));
@@ -445,7 +530,7 @@ impl<'a> Recorder<'a> {
             return;
         }
         let row = self.scalars(model, step, t, u, v);
-        let scalars: BTreeMap<String, f64> = self.rows.columns.iter().cloned().zip(row).collect();
+        let scalars: BTreeMap<String, f64> = self.rows.columns.iter().cloned().zip(row).chain(self.found.iter().cloned()).collect();
         let rows = &self.rows;
         let earlier = |name: &str, time: f64| {
             let column = rows.columns.iter().position(|c| c == name)?;
@@ -453,7 +538,34 @@ impl<'a> Recorder<'a> {
         };
         for p in due {
             let mut field = |c: &FieldComponent| component(model, c, t, u, v);
-            self.measured.push(p.measure(problem, &scalars, &earlier, &mut field, t));
+            let expected = p.is_expected();
+            let measured = p.measure(problem, &scalars, &earlier, &mut field, t);
+            if expected {
+                self.measured.push(measured);
+            } else {
+                if let Some(why) = measured.problem {
+                    self.warnings.push(format!("`{}` could not be measured: {why}", measured.quantity));
+                }
+                self.measures.push((measured.quantity, measured.computed));
+            }
+        }
+    }
+
+    /// Keeps the fields whose time has come; at the end (no grace) those that are left.
+    fn keep_due(&mut self, model: &mut dyn Simulated, t: f64, u: &[f64], v: &[f64], grace: Option<f64>) {
+        let (due, rest): (Vec<_>, Vec<_>) = std::mem::take(&mut self.wanted).into_iter().partition(|w| match (w.time, grace) {
+            (Some(time), Some(grace)) => t >= time - grace,
+            (None, Some(_)) => false,
+            (_, None) => true,
+        });
+        self.wanted = rest;
+        if due.is_empty() {
+            return;
+        }
+        let displacement = vectors(&model.field(FieldName::Displacement, t, u, v));
+        for Wanted { field, time } in due {
+            let values = component(model, &field, t, u, v);
+            self.kept.push(Kept { field: field.to_string(), time, values, displacement: displacement.clone() });
         }
     }
 
@@ -588,9 +700,14 @@ impl<'a> Recorder<'a> {
             self.measure_due(model, step as usize, t, u, &v, None);
         } else {
             for p in std::mem::take(&mut self.pending) {
-                self.measured.push(p.missing());
+                if p.is_expected() {
+                    self.measured.push(p.missing());
+                } else {
+                    self.measures.push((p.missing().quantity, f64::NAN));
+                }
             }
         }
+        self.keep_due(model, t, u, &v, None);
         if let Some(folder) = self.folder.clone() {
             self.frame(model, step, t, u, &v);
             let displacement = vectors(&model.field(FieldName::Displacement, t, u, &v));
@@ -609,7 +726,20 @@ impl<'a> Recorder<'a> {
         if let Some(e) = self.failed {
             return Err(e.into());
         }
-        Ok(Recorded { measurements: self.measured, warnings: self.warnings, seconds: self.seconds + clock.elapsed().as_secs_f64() })
+        Ok(Recorded {
+            measurements: self.measured,
+            measures: self.measures,
+            observed: Observed {
+                dimension: self.problem.section.dimension(),
+                reference: self.reference,
+                edge: self.edge,
+                fields: self.kept,
+                columns: self.rows.columns,
+                rows: self.rows.rows,
+            },
+            warnings: self.warnings,
+            seconds: self.seconds + clock.elapsed().as_secs_f64(),
+        })
     }
 
     fn plots(&mut self, model: &mut dyn Simulated, folder: &Path, t: f64, u: &[f64], v: &[f64]) -> Result<(), OutputError> {
@@ -642,7 +772,7 @@ impl<'a> Recorder<'a> {
             }
             if let (Some(line), Some(fields)) = (&p.along, &p.fields) {
                 let (a, b) = (line.from.point(), line.to.point());
-                let on = self.along(a, b);
+                let on = along(&self.reference, &self.edge, a, b);
                 plot.x = Axis::new("distance along the line");
                 for f in fields {
                     let values = component(model, f, t, u, v);
@@ -658,23 +788,23 @@ impl<'a> Recorder<'a> {
         }
         Ok(())
     }
+}
 
-    /// Points within half a spacing of a line, by distance along it.
-    fn along(&self, a: [f64; 3], b: [f64; 3]) -> Vec<(f64, usize)> {
-        let d: [f64; 3] = std::array::from_fn(|k| b[k] - a[k]);
-        let length = d.iter().map(|x| x * x).sum::<f64>().sqrt();
-        let mut on: Vec<(f64, usize)> = (0..self.points())
-            .filter_map(|q| {
-                let r: [f64; 3] = std::array::from_fn(|k| self.reference[q][k] - a[k]);
-                let s = (0..3).map(|k| r[k] * d[k]).sum::<f64>() / length;
-                let away = (0..3).map(|k| (r[k] - s * d[k] / length).powi(2)).sum::<f64>().sqrt();
-                let near = 0.5 * self.edge[q] * (1.0 + 1e-9);
-                (away <= near && s >= -near && s <= length + near).then_some((s, q))
-            })
-            .collect();
-        on.sort_by(|x, y| x.0.total_cmp(&y.0));
-        on
-    }
+/// Points within half a cell of the line from `a` to `b`, as distance along it and index, in order.
+pub fn along(reference: &[[f64; 3]], edge: &[f64], a: [f64; 3], b: [f64; 3]) -> Vec<(f64, usize)> {
+    let d: [f64; 3] = std::array::from_fn(|k| b[k] - a[k]);
+    let length = d.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let mut on: Vec<(f64, usize)> = (0..reference.len())
+        .filter_map(|q| {
+            let r: [f64; 3] = std::array::from_fn(|k| reference[q][k] - a[k]);
+            let s = (0..3).map(|k| r[k] * d[k]).sum::<f64>() / length;
+            let away = (0..3).map(|k| (r[k] - s * d[k] / length).powi(2)).sum::<f64>().sqrt();
+            let near = 0.5 * edge[q] * (1.0 + 1e-9);
+            (away <= near && s >= -near && s <= length + near).then_some((s, q))
+        })
+        .collect();
+    on.sort_by(|x, y| x.0.total_cmp(&y.0));
+    on
 }
 
 /// The next time at which something is due, on a grid from the start of the run.

@@ -1,8 +1,9 @@
 //! What a deck expects of its own result, measured; and `peridyne verify`, which does so for many decks.
 
-use crate::deck::{At, Deck, DeckErrors, Expectation, FieldComponent, Measured, Moment, Norm, Reduction};
+use crate::deck::{Deck, DeckErrors, Expectation, FieldComponent, Measured, Moment, Norm, Reduction, StudyDecks};
 use crate::problem::Problem;
 use crate::run::{self, Progress, Target};
+use crate::study;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -38,6 +39,11 @@ impl<'a> Pending<'a> {
         expectation.measured().map(|measured| Pending { expectation, measured })
     }
 
+    /// Whether it has a value; else it is only measured.
+    pub(crate) fn is_expected(&self) -> bool {
+        self.expectation.value.is_some() || self.expectation.between.is_some()
+    }
+
     /// When it is due; `None` at the end.
     pub(crate) fn time(&self) -> Option<f64> {
         match self.expectation.moment() {
@@ -46,26 +52,9 @@ impl<'a> Pending<'a> {
         }
     }
 
-    fn name(&self) -> String {
-        if let Some(name) = &self.expectation.name {
-            return name.value.clone();
-        }
-        let what = match &self.measured {
-            Measured::Quantity(q) => q.value.clone(),
-            Measured::Expression(e) => e.value.clone(),
-            Measured::FieldAt(f, at) => format!("{f} at {:?}", &at.point()[..]),
-            Measured::FieldOver(f, set, reduce) => format!("{} {f} over {}", reduce.name(), set.value),
-            Measured::Error(e) => format!("{} error of {}", e.norm.name(), e.field),
-        };
-        match (&self.expectation.at, self.time()) {
-            (Some(At::Time(_)), Some(t)) | (None, Some(t)) => format!("{what} at {t:e}"),
-            _ => what,
-        }
-    }
-
     /// A run that ended before its time.
     pub(crate) fn missing(self) -> Measurement {
-        self.judge(Err("the run ended before".into()), &BTreeMap::new())
+        self.judge(Err("the run ended before".into()))
     }
 
     /// Measures now. `field` gives a component in the user's order.
@@ -90,29 +79,28 @@ impl<'a> Pending<'a> {
             }
             Measured::Error(e) => {
                 let values = field(&e.field);
-                let deviations = set(&e.over.value).into_iter().map(|p| {
-                    let x = problem.cloud.position[p];
-                    (values[user(p)] - e.against.eval(x, t), problem.cloud.volume[p])
-                });
-                Ok(match e.norm {
-                    Norm::L2 => deviations.map(|(d, v)| d * d * v).sum::<f64>().sqrt(),
-                    Norm::Max => deviations.fold(0.0f64, |m, (d, _)| m.max(d.abs())),
+                let points = problem.set(&e.over.value);
+                problem.reference(e, points, t).map(|reference| {
+                    let pairs =
+                        || points.iter().zip(&reference).map(|(&p, r)| (values[user(p as usize)] - r, problem.cloud.volume[p as usize], r));
+                    let square = || pairs().map(|(d, v, _)| d * d * v).sum::<f64>();
+                    match e.norm {
+                        Norm::L2 => square().sqrt(),
+                        Norm::RelativeL2 => (square() / pairs().map(|(_, v, r)| r * r * v).sum::<f64>()).sqrt(),
+                        // a NaN must not get lost
+                        Norm::Max => pairs().fold(0.0f64, |m, (d, ..)| if d.is_nan() { d } else { m.max(d.abs()) }),
+                    }
                 })
             }
         };
-        self.judge(computed, scalars)
+        self.judge(computed)
     }
 
-    fn judge(&self, computed: Result<f64, String>, _: &BTreeMap<String, f64>) -> Measurement {
+    fn judge(&self, computed: Result<f64, String>) -> Measurement {
         let e = self.expectation;
-        let (reference, tolerance) = match (&e.value, &e.between) {
-            (_, Some([low, high])) => (0.5 * (low.value + high.value), 0.5 * (high.value - low.value)),
-            (Some(v), _) => {
-                let relative = e.tolerance.map_or(0.0, |t| t.value * v.value.abs());
-                (v.value, relative.max(e.absolute.map_or(0.0, |a| a.value)))
-            }
-            _ => (f64::NAN, 0.0),
-        };
+        let between = e.between.map(|b| b.map(|q| q.value));
+        let (reference, tolerance) =
+            reference(e.value.map(|q| q.value), e.tolerance.map(|q| q.value), e.absolute.map(|q| q.value), between);
         let source = e.source.as_ref().map_or_else(String::new, |s| s.value.clone());
         let (value, problem) = match computed {
             Ok(v) => (v, None),
@@ -120,7 +108,16 @@ impl<'a> Pending<'a> {
         };
         // a NaN never passes
         let passed = (value - reference).abs() <= tolerance;
-        Measurement { quantity: self.name(), computed: value, reference, tolerance, source, passed, problem }
+        Measurement { quantity: e.label(), computed: value, reference, tolerance, source, passed, problem }
+    }
+}
+
+/// The value expected, and the largest deviation: of a value, or of bounds.
+pub(crate) fn reference(value: Option<f64>, tolerance: Option<f64>, absolute: Option<f64>, between: Option<[f64; 2]>) -> (f64, f64) {
+    match (value, between) {
+        (_, Some([low, high])) => (0.5 * (low + high), 0.5 * (high - low)),
+        (Some(v), _) => (v, tolerance.map_or(0.0, |t| t * v.abs()).max(absolute.unwrap_or(0.0))),
+        _ => (f64::NAN, 0.0),
     }
 }
 
@@ -154,7 +151,46 @@ pub(crate) fn reduced(problem: &Problem, points: &[(usize, f64)], reduce: &Reduc
             });
             (0.5 * f64::atan2(2.0 * xy, xx - yy)).to_degrees()
         }
+        Reduction::TotalVariation => rows(problem, points).iter().map(|row| row.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>()).sum(),
+        Reduction::Rough3 => {
+            let rows = rows(problem, points);
+            let thirds = rows.iter().flat_map(|row| row.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]) / 8.0));
+            let (sum, count) = thirds.fold((0.0, 0.0), |(s, n), d| (s + d * d, n + 1.0));
+            (sum / count).sqrt()
+        }
     }
+}
+
+/// Values along the rows of points in x direction: neighbours in a row lie less than one and a half spacings apart in x, and less
+/// than a quarter of one in the other directions.
+fn rows(problem: &Problem, points: &[(usize, f64)]) -> Vec<Vec<f64>> {
+    let cloud = &problem.cloud;
+    let mut order: Vec<&(usize, f64)> = points.iter().collect();
+    // directions across the rows first: levels are numbered, so that round-off in a coordinate does not tear a row apart
+    let level = |k: usize| -> Vec<usize> {
+        let mut by: Vec<usize> = points.iter().map(|p| p.0).collect();
+        by.sort_by(|&a, &b| cloud.position[a][k].total_cmp(&cloud.position[b][k]).then(a.cmp(&b)));
+        let mut level = vec![0; cloud.len()];
+        for pair in by.windows(2) {
+            let apart = cloud.position[pair[1]][k] - cloud.position[pair[0]][k] > 0.25 * cloud.spacing[pair[1]];
+            level[pair[1]] = level[pair[0]] + usize::from(apart);
+        }
+        level
+    };
+    let (y, z) = (level(1), level(2));
+    let x = |p: usize| cloud.position[p][0];
+    order.sort_by(|a, b| (z[a.0], y[a.0]).cmp(&(z[b.0], y[b.0])).then(x(a.0).total_cmp(&x(b.0))));
+    let mut rows: Vec<Vec<f64>> = vec![];
+    let mut former: Option<usize> = None;
+    for &&(p, value) in &order {
+        let joined = former.is_some_and(|q| y[q] == y[p] && z[q] == z[p] && x(p) - x(q) < 1.5 * cloud.spacing[p]);
+        match rows.last_mut() {
+            Some(row) if joined => row.push(value),
+            _ => rows.push(vec![value]),
+        }
+        former = Some(p);
+    }
+    rows
 }
 
 fn unknown(name: &str, scalars: &BTreeMap<String, f64>) -> String {
@@ -282,40 +318,91 @@ pub fn verify(
         return Ok(vec![]);
     }
     let shown = path.display().to_string();
-    let verdict = |quantity: &str, problem: String| Verdict {
-        deck: shown.clone(),
+    match run::run(deck, &Target::Nowhere, progress, cancel) {
+        Ok(outcome) => {
+            let mut verdicts = verdicts(&shown, run, outcome.measurements);
+            if let crate::output::summary::Exit::Stopped { reason, .. } = outcome.summary.exit {
+                verdicts.push(incomplete(&shown, run, reason));
+            }
+            Ok(verdicts)
+        }
+        Err(run::RunError::Deck(e)) => Err(e),
+        Err(e) => Ok(vec![incomplete(&shown, run, e.to_string())]),
+    }
+}
+
+fn verdicts(deck: &str, run: &str, measurements: Vec<Measurement>) -> Vec<Verdict> {
+    let verdict = |m: Measurement| Verdict {
+        deck: deck.into(),
         run: run.into(),
-        quantity: quantity.into(),
+        quantity: m.quantity,
+        computed: m.computed,
+        reference: m.reference,
+        tolerance: m.tolerance,
+        source: m.source,
+        passed: m.passed,
+        problem: m.problem,
+    };
+    measurements.into_iter().map(verdict).collect()
+}
+
+/// The verdict on a run that did not reach its end.
+fn incomplete(deck: &str, run: &str, why: String) -> Verdict {
+    Verdict {
+        deck: deck.into(),
+        run: run.into(),
+        quantity: "run completes".into(),
         computed: f64::NAN,
         reference: f64::NAN,
         tolerance: 0.0,
         source: String::new(),
         passed: false,
-        problem: Some(problem),
-    };
-    match run::run(deck, &Target::Nowhere, progress, cancel) {
-        Ok(outcome) => {
-            let mut verdicts: Vec<Verdict> = outcome
-                .measurements
-                .into_iter()
-                .map(|m| Verdict {
-                    deck: shown.clone(),
-                    run: run.into(),
-                    quantity: m.quantity,
-                    computed: m.computed,
-                    reference: m.reference,
-                    tolerance: m.tolerance,
-                    source: m.source,
-                    passed: m.passed,
-                    problem: m.problem,
-                })
-                .collect();
-            if let crate::output::summary::Exit::Stopped { reason, .. } = outcome.summary.exit {
-                verdicts.push(verdict("run completes", reason));
-            }
-            Ok(verdicts)
-        }
-        Err(run::RunError::Deck(e)) => Err(e),
-        Err(e) => Ok(vec![verdict("run completes", e.to_string())]),
+        problem: Some(why),
     }
+}
+
+/// The name under which what is expected of all combinations together is reported.
+pub const STUDY: &str = "study";
+
+/// Hears the verdicts on one combination: its name, the seconds it took, and the verdicts.
+pub type Told<'a> = &'a mut dyn FnMut(&str, Option<f64>, Vec<Verdict>);
+
+/// Tells verdicts as soon as they are there.
+struct Teller<'a, 'b> {
+    deck: String,
+    told: &'a mut Told<'b>,
+}
+
+impl Progress for Teller<'_, '_> {
+    fn at(&mut self, _: f64, _: &str) {}
+}
+
+impl study::Listener for Teller<'_, '_> {
+    fn begins(&mut self, _: usize, _: usize, _: &str) {}
+
+    fn ends(&mut self, made: &study::Made, _: &run::Outcome) {
+        let mut all = verdicts(&self.deck, &made.name, made.measurements.clone());
+        all.extend(made.stopped.clone().map(|why| incomplete(&self.deck, &made.name, why)));
+        (self.told)(&made.name, Some(made.seconds), all);
+    }
+}
+
+/// Runs the combinations of a study and tells the verdicts on each, then those on all of them together. Slow combinations are run if
+/// asked for; without them, what needs them is left out.
+///
+/// # Errors
+/// The faults of the deck.
+pub fn verify_study(path: &Path, study: &StudyDecks, slow: bool, mut told: Told, cancel: &AtomicBool) -> Result<(), DeckErrors> {
+    let together = study.written.study.as_ref().is_some_and(|own| !own.expect.is_empty());
+    if !together && study.combinations.iter().all(|one| one.deck.expectations().next().is_none()) {
+        return Ok(());
+    }
+    let deck = path.display().to_string();
+    let mut teller = Teller { deck: deck.clone(), told: &mut told };
+    match study::run(study, None, &|one| slow || !one.slow, &mut teller, cancel) {
+        Ok(outcome) => told(STUDY, None, verdicts(&deck, STUDY, outcome.measurements)),
+        Err(run::RunError::Deck(e)) => return Err(e),
+        Err(e) => told(STUDY, None, vec![incomplete(&deck, STUDY, e.to_string())]),
+    }
+    Ok(())
 }

@@ -375,3 +375,52 @@ fn colors_beyond_a_fixed_range_are_those_of_its_ends() {
     // Blue on one side, red on the other.
     assert!(at(0.4)[2] > 2 * at(0.4)[0] && at(3.4)[0] > 2 * at(3.4)[2]);
 }
+
+#[test]
+fn patterns_can_be_told_apart_without_colour() {
+    let level = |k: u8| Curve::new("", vec![[0.0, f64::from(k)], [1.0, f64::from(k)]]).style(Style::Pattern(k));
+    let plot = (0..4).fold(Plot::new("patterns", Axis::new("x"), Axis::new("y")), |plot, k| plot.curve(level(k)));
+    let canvas = plot.draw().unwrap();
+    // the number of pieces over the length of the frame, from the lengths of dashes and gaps: 30, 11, and 39 pixels for two
+    let pieces = |color: Rgb| {
+        let marks = places(&canvas, color);
+        let row = marks.iter().map(|p| p.1).max_by_key(|y| marks.iter().filter(|p| p.1 == *y).count()).unwrap();
+        let mut columns: Vec<usize> = marks.iter().filter(|p| p.1 == row).map(|p| p.0).collect();
+        columns.sort_unstable();
+        let length = (columns[columns.len() - 1] - columns[0]) as f64;
+        (1 + columns.windows(2).filter(|w| w[1] > w[0] + 2).count(), length)
+    };
+    for (k, per_pixel) in [(0, 0.0), (1, 1.0 / 30.0), (2, 1.0 / 11.0), (3, 2.0 / 39.0)] {
+        let (count, length) = pieces(CURVES[k]);
+        assert!((count as f64 - (1.0_f64).max(length * per_pixel)).abs() <= 2.0, "{k}: {count} over {length}");
+    }
+}
+
+#[test]
+fn a_slope_is_shown_beside_the_curves() {
+    let points: Vec<[f64; 2]> = (0..5).map(|i| 10.0_f64.powf(-0.5 * f64::from(i))).map(|x| [x, x * x]).collect();
+    let bare = Plot::new("order", Axis::new("x").logarithmic(), Axis::new("y").logarithmic())
+        .curve(Curve::new("error", points).style(Style::LineAndMarkers));
+    let mut with = bare.clone();
+    with.slopes = vec![2.0];
+    let (bare, with) = (bare.draw().unwrap(), with.draw().unwrap());
+    // none of the curve is hidden, and something dark has come
+    assert_eq!(places(&bare, CURVES[0]), places(&with, CURVES[0]));
+    let new: Vec<(usize, usize)> = places(&with, INK).into_iter().filter(|p| bare.pixel(p.0, p.1) != Some(INK)).collect();
+    // its hypotenuse is parallel to the curve: the triangle's height over width is that of the curve
+    let span = |all: &[(usize, usize)], axis: fn(&(usize, usize)) -> usize| {
+        (all.iter().map(axis).max().unwrap() - all.iter().map(axis).min().unwrap()) as f64
+    };
+    let curve = places(&bare, CURVES[0]);
+    let (left, right) = (new.iter().map(|p| p.0).min().unwrap(), new.iter().map(|p| p.0).max().unwrap());
+    assert!(right > left);
+    // legs: the longest row and column of new dark pixels
+    let longest = |axis: fn(&(usize, usize)) -> usize| {
+        let mut counts = std::collections::BTreeMap::new();
+        new.iter().for_each(|p| *counts.entry(axis(p)).or_insert(0) += 1);
+        f64::from(*counts.values().max().unwrap())
+    };
+    let (width, height) = (longest(|p| p.1), longest(|p| p.0));
+    let expected = span(&curve, |p| p.1) / span(&curve, |p| p.0);
+    assert!((height / width / expected - 1.0).abs() < 0.04, "{height} / {width}, {expected}");
+}

@@ -6,22 +6,26 @@ use crate::tensor::Matrix;
 
 mod almansi;
 mod hyperelastic;
+mod j2_plasticity;
 mod kelvin_voigt;
 mod linear_elastic;
 mod neo_hookean;
 mod saint_venant_kirchhoff;
+mod strain_law;
 
 pub use almansi::Almansi;
 pub use hyperelastic::{Hyperelastic, HyperelasticConstants};
+pub use j2_plasticity::{J2Plasticity, J2PlasticityConstants, PlasticityError};
 pub use kelvin_voigt::{KelvinVoigt, KelvinVoigtConstants};
 pub use linear_elastic::LinearElastic;
 pub use neo_hookean::{NeoHookean, NeoHookeanConstants};
 pub use saint_venant_kirchhoff::SaintVenantKirchhoff;
+pub use strain_law::{OfStrain, OfStrainConstants, Strain, StrainLaw, StrainMeasure};
 
 /// What a law may know of a point. The displacement gradient is given rather than F, so that small strains keep their
 /// digits and the reference state is exactly free of stress.
 #[derive(Clone, Copy, Debug)]
-pub struct Deformation<R, const D: usize> {
+pub struct Deformation<'a, R, const D: usize> {
     /// H = F − 1
     pub gradient: Matrix<R, D>,
     /// Ḟ \[1/s\], zero where velocities are not known (statics).
@@ -30,12 +34,14 @@ pub struct Deformation<R, const D: usize> {
     pub temperature: f64,
     /// Time \[s\].
     pub time: f64,
+    /// Committed history: [`Law::MEMORY`] words, those of the end of the last accepted increment.
+    pub memory: &'a [f64],
 }
 
-impl<R: Scalar, const D: usize> Deformation<R, D> {
-    /// A deformation at rest, at the reference temperature.
+impl<R: Scalar, const D: usize> Deformation<'_, R, D> {
+    /// A deformation at rest, at the reference temperature, without history.
     pub fn of(gradient: Matrix<R, D>) -> Self {
-        Deformation { gradient, rate: Matrix::zero(), temperature: 0.0, time: 0.0 }
+        Deformation { gradient, rate: Matrix::zero(), temperature: 0.0, time: 0.0, memory: &[] }
     }
     /// F = 1 + H
     #[inline(always)]
@@ -66,7 +72,13 @@ impl<R: Scalar, const D: usize> Deformation<R, D> {
 }
 
 /// A constitutive law: energy density ψ(F) and first Piola–Kirchhoff stress P = ∂ψ/∂F of the section.
+///
+/// A law with history sees the committed words in [`Deformation::memory`]; its ψ is then the incremental potential at
+/// fixed history, all zeros in the reference state. Who evaluates it several times a point (sub-horizons) keeps
+/// [`MEMORY`](Self::MEMORY) words for each evaluation and hands each its own.
 pub trait Law<const D: usize>: Copy + Send + Sync + 'static {
+    /// Words of history.
+    const MEMORY: usize = 0;
     /// Whether the stress depends on the rate of F.
     const RATE: bool = false;
     /// Whether P is the derivative of an energy (at rest).
@@ -79,6 +91,9 @@ pub trait Law<const D: usize>: Copy + Send + Sync + 'static {
     fn first_piola<R: Scalar>(&self, c: &Self::Constants, f: &Deformation<R, D>) -> Matrix<R, D>;
     /// Energy density ψ \[J/m³\]; 0 for a law that has none.
     fn energy<R: Scalar>(&self, c: &Self::Constants, f: &Deformation<R, D>) -> R;
+    /// Writes the history of an accepted increment that ended with `f`, given in `memory` what
+    /// [`Deformation::memory`] holds.
+    fn commit(&self, _: &Self::Constants, _: &Deformation<f64, D>, _memory: &mut [f64]) {}
 }
 
 /// A law that is known as a Cauchy stress only. It has no energy, so its tangent need not be symmetric.

@@ -128,6 +128,11 @@ impl<'a, S: Scalar, const D: usize> Family<'a, S, D> {
     pub fn memory(self, k: usize) -> f64 {
         self.arrays.memory[self.point * self.arrays.memory_words + k]
     }
+    /// The first `words` words of the committed history of the family's point.
+    #[inline(always)]
+    pub fn history(self, words: usize) -> &'a [f64] {
+        if words == 0 { &[] } else { &self.arrays.memory[self.point * self.arrays.memory_words..][..words] }
+    }
     /// Whether the velocities of the points are known.
     #[inline(always)]
     pub fn has_velocity(self) -> bool {

@@ -72,6 +72,29 @@ pub(crate) trait InstructionSet: Copy + Send + Sync + 'static {
     fn mask(a: Eight, bits: u8) -> Eight {
         array(|l| if bits >> l & 1 == 1 { a[l] } else { 0.0 })
     }
+    /// A long computation: a function of its own where the instructions are the machine's common ones, in place where only the caller has
+    /// the right ones.
+    #[inline(never)]
+    fn long(f: impl FnOnce() -> Eight) -> Eight {
+        f()
+    }
+    /// Mantissa in [1, 2) and exponent; (1, −∞) for 0, (1, ∞) for ∞, not a number where negative.
+    #[inline(always)]
+    fn split(a: Eight) -> (Eight, Eight) {
+        let (mut m, mut e) = ([0.0; WIDTH], [0.0; WIDTH]);
+        for l in 0..WIDTH {
+            (m[l], e[l]) = split(a[l]);
+        }
+        (m, e)
+    }
+    /// a 2ⁿ for whole n of magnitude at most 1200
+    #[inline(always)]
+    fn scale(a: Eight, n: Eight) -> Eight {
+        array(|l| {
+            let half = (0.5 * n[l]) as i64;
+            a[l] * power_of_two(half) * power_of_two(n[l] as i64 - half)
+        })
+    }
     /// eight rows of four words, transposed
     #[inline(always)]
     fn rows(data: &[f64], j: Points) -> [Eight; ROW] {
@@ -94,6 +117,27 @@ pub(crate) trait InstructionSet: Copy + Send + Sync + 'static {
             }
         }
     }
+}
+
+/// Mantissa and exponent of one number; see [`InstructionSet::split`].
+#[inline(always)]
+fn split(x: f64) -> (f64, f64) {
+    if x.is_nan() || x < 0.0 {
+        return (f64::NAN, 0.0);
+    }
+    if x == 0.0 || x == f64::INFINITY {
+        return (1.0, if x == 0.0 { f64::NEG_INFINITY } else { x });
+    }
+    let (x, shift) = if x < f64::MIN_POSITIVE { (x * power_of_two(54), 54) } else { (x, 0) };
+    let bits = x.to_bits();
+    let mantissa = f64::from_bits(bits & ((1 << 52) - 1) | 1023 << 52);
+    (mantissa, ((bits >> 52) as i64 - 1023 - shift) as f64)
+}
+
+/// 2ⁿ for −1023 < n < 1024
+#[inline(always)]
+fn power_of_two(n: i64) -> f64 {
+    f64::from_bits(((n + 1023) as u64) << 52)
 }
 
 /// Lanes for any machine.
@@ -155,6 +199,87 @@ impl<I: InstructionSet> SubAssign for Lanes<I> {
     }
 }
 
+/// ln 2 in two parts, the first with 32 bits: its product with an exponent is exact.
+const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
+/// (2 artanh s − 2 s)/s³ as a polynomial of s², highest power first, for e^|2 artanh s| ≤ √2: Chebyshev interpolation, error 1e-17.
+const LOG: [f64; 7] = [
+    0.146_164_496_850_434_06,
+    0.153_317_216_005_560_41,
+    0.181_828_891_252_617_22,
+    0.222_222_111_347_950_8,
+    0.285_714_286_259_754_85,
+    0.399_999_999_998_995,
+    0.666_666_666_666_667,
+];
+/// (eʳ − 1 − r − r²/2)/r³, highest power first, for |r| ≤ ln(2)/2: Chebyshev interpolation, error 4e-19.
+const EXP: [f64; 10] = [
+    2.091_129_876_994_02e-9,
+    2.510_047_250_569_499_6e-8,
+    2.755_728_283_880_048_3e-7,
+    2.755_726_827_690_57e-6,
+    2.480_158_731_722_872e-5,
+    1.984_126_986_317_155_6e-4,
+    1.388_888_888_888_653_6e-3,
+    8.333_333_333_330_038e-3,
+    4.166_666_666_666_666_7e-2,
+    0.166_666_666_666_666_67,
+];
+
+impl<I: InstructionSet> Lanes<I> {
+    /// A polynomial, highest power first.
+    #[inline(always)]
+    fn polynomial<const N: usize>(self, c: [f64; N]) -> Self {
+        let mut p = Self::of(c[0]);
+        let mut k = 1;
+        while k < N {
+            p = p.fma(self, Self::of(c[k]));
+            k += 1;
+        }
+        p
+    }
+    /// ln u + c for a small c: u = 2ᵏ (1 + f), f within [√½ − 1, √2 − 1), and ln(1 + f) = f − (f²/2 − s (f²/2 + R)) with
+    /// s = f/(2 + f), R = 2 artanh(s)/s − 2.
+    #[inline(always)]
+    fn log(self, c: Self) -> Self {
+        let (m, k) = I::split(self.0);
+        let (m, k) = (Self::new(m), Self::new(k));
+        let above = m - Self::of(std::f64::consts::SQRT_2);
+        let f = above.select(m * 0.5, m) - Self::of(1.0);
+        let k = above.select(k + Self::of(1.0), k);
+        let s = f * (f + Self::of(2.0)).recip();
+        let z = s * s;
+        let half = f * f * 0.5;
+        let tail = s.fma(half + z * z.polynomial(LOG), k.fma(Self::of(LN_2[1]), c));
+        k * LN_2[0] - ((half - tail) - f)
+    }
+    /// ln(1 + x)
+    #[inline(always)]
+    fn log_1p(self) -> Self {
+        let u = self + Self::of(1.0);
+        // what the sum lost, whichever of the two is larger
+        let lost = (self - Self::of(1.0)).select(Self::of(1.0) - (u - self), self - (u - Self::of(1.0)));
+        // ln 0 and ln ∞ need no correction, and 0/0 would be none
+        let usual = (u - Self::of(f64::MIN_POSITIVE)).min(Self::of(f64::MAX) - u);
+        let c = usual.select(lost, Self::of(0.0)) * usual.select(u, Self::of(1.0)).recip();
+        u.log(c)
+    }
+    /// (eʳ − 1, n) with x = r + n ln 2, |r| ≤ ln(2)/2; x is held between −800 and 710, where e^x has left the range of numbers.
+    #[inline(always)]
+    fn reduced_exponential(self) -> (Self, Self) {
+        let (low, high) = (Self::of(-800.0), Self::of(710.0));
+        let x = (self - high).select(high, self);
+        let x = (low - x).select(low, x);
+        // adding and subtracting 1.5 · 2⁵² rounds to whole numbers
+        let shift = Self::of(6_755_399_441_055_744.0);
+        let n = (x * std::f64::consts::LOG2_E + shift) - shift;
+        let (high, low) = (x - n * LN_2[0], n * LN_2[1]);
+        let r = high - low;
+        let lost = (high - r) - low;
+        let square = r * r;
+        (r + (lost + square.fma(Self::of(0.5), square * r * r.polynomial(EXP))), n)
+    }
+}
+
 impl<I: InstructionSet> Scalar for Lanes<I> {
     type Sum = f64;
     type Index = Points;
@@ -201,6 +326,46 @@ impl<I: InstructionSet> Scalar for Lanes<I> {
             #[inline(always)]
             |l| f(self.0[l]).0,
         ))
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        Self::new(I::long(
+            #[inline(always)]
+            || self.log(Self::of(0.0)).0,
+        ))
+    }
+    #[inline(always)]
+    fn ln_1p(self) -> Self {
+        Self::new(I::long(
+            #[inline(always)]
+            || self.log_1p().0,
+        ))
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        Self::new(I::long(
+            #[inline(always)]
+            || {
+                let (q, n) = self.reduced_exponential();
+                I::scale((q + Self::of(1.0)).0, n.0)
+            },
+        ))
+    }
+    #[inline(always)]
+    fn exp_m1(self) -> Self {
+        Self::new(I::long(
+            #[inline(always)]
+            || {
+                let (q, n) = self.reduced_exponential();
+                // 2ⁿ q + (2ⁿ − 1), by halves: 2¹⁰²⁴ is no number
+                let n = n - Self::of(1.0);
+                ((Self::new(I::scale(q.0, n.0)) + (Self::new(I::scale(I::splat(1.0), n.0)) - Self::of(0.5))) * 2.0).0
+            },
+        ))
+    }
+    #[inline(always)]
+    fn powf(self, p: f64) -> Self {
+        (self.ln() * p).exp()
     }
     #[inline(always)]
     fn index(list: &[u32], at: usize) -> Points {
@@ -314,6 +479,95 @@ mod tests {
         assert_eq!(a.len(), b.len());
         for (x, y) in a.iter().zip(&b) {
             assert!(x.is_finite() && (x - y).abs() <= 1e-12 * (1.0 + y.abs()), "{x} {y}");
+        }
+    }
+
+    /// ln, ln(1 + x), eˣ and eˣ − 1 of numbers, in rows.
+    struct Functions<'a>(&'a [f64], &'a [u32]);
+    impl Kernel for Functions<'_> {
+        type Output = Vec<f64>;
+        #[inline(always)]
+        fn run<S: Scalar<Sum = f64>>(self) -> Vec<f64> {
+            let mut rows = vec![0.0; self.0.len() * ROW];
+            for at in (0..self.1.len()).step_by(S::WIDTH) {
+                let x = S::load(self.0, at);
+                S::subtract_rows::<3>(&mut rows, S::index(self.1, at), [-x.ln(), -x.ln_1p(), -x.exp_m1()]);
+            }
+            let firsts: Vec<f64> = rows.chunks(ROW).flat_map(|r| r[..3].to_vec()).collect();
+            rows.fill(0.0);
+            for at in (0..self.1.len()).step_by(S::WIDTH) {
+                let x = S::load(self.0, at);
+                S::subtract_rows::<2>(&mut rows, S::index(self.1, at), [-x.exp(), -x.powf(1.5)]);
+            }
+            rows.chunks(ROW).zip(firsts.chunks(3)).flat_map(|(r, f)| [f[0], f[1], r[0], f[2], r[1]]).collect()
+        }
+    }
+
+    /// Distance in units of the last place of `b`.
+    fn places(a: f64, b: f64) -> f64 {
+        if a == b || (a.is_nan() && b.is_nan()) {
+            return 0.0;
+        }
+        let next = f64::from_bits(b.abs().to_bits() + 1) - b.abs();
+        (a - b).abs() / next
+    }
+
+    #[test]
+    fn transcendental_functions_to_two_units_of_the_last_place() {
+        let mut x = vec![
+            0.0,
+            1.0,
+            f64::INFINITY,
+            f64::NAN,
+            -0.5,
+            -1.0,
+            -1.5,
+            1e-310,
+            5e-324,
+            f64::MAX,
+            1e300,
+            -1e-18,
+            3e-17,
+            2.3e-16,
+            -710.0,
+            709.7,
+        ];
+        let mut state = 88172645463325252u64;
+        let mut next = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        for _ in 0..20_000 {
+            let u = next();
+            x.extend([
+                u,
+                2.0 * u,
+                40.0 * (u - 0.5),
+                1400.0 * (u - 0.5),
+                1e-3 * (u - 0.5),
+                (u - 0.5) * 0.8,
+                (200.0 * (u - 0.5)).exp(),
+                1.0 + 1e-7 * u,
+            ]);
+        }
+        let index: Vec<u32> = (0..x.len() as u32).collect();
+        for (name, out) in [("widest", widest(Functions(&x, &index))), ("portable", portable(Functions(&x, &index)))] {
+            let mut worst = [0.0f64; 5];
+            for (x, got) in x.iter().zip(out.chunks(5)) {
+                let want = [x.ln(), x.ln_1p(), x.exp(), x.exp_m1(), x.powf(1.5)];
+                for k in 0..5 {
+                    // relative accuracy ends with the normal numbers
+                    let tiny = want[k].abs() < f64::MIN_POSITIVE && got[k].abs() <= f64::MIN_POSITIVE;
+                    let off = if tiny { 0.0 } else { places(got[k], want[k]) };
+                    // the error of a power grows with the logarithm, which is multiplied
+                    let allowed = if k == 4 { 2.0 + 3.0 * (1.5 * x.ln()).abs() } else { 2.0 };
+                    assert!(off == 0.0 || off < allowed, "{name}, function {k} of {x:e}: {:e} {:e}, {off} units", got[k], want[k]);
+                    worst[k] = worst[k].max(off);
+                }
+            }
+            println!("{name}: ln, ln(1 + x), eˣ, eˣ − 1, x^1.5 within {worst:.2?} units of the last place");
         }
     }
 

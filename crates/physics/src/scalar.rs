@@ -49,6 +49,8 @@ pub trait Scalar:
     type Index: Copy;
     /// Bonds per number.
     const WIDTH: usize;
+    /// Whether the number carries derivatives.
+    const DIFFERENTIATES: bool = false;
 
     /// A constant.
     fn of(x: f64) -> Self;
@@ -82,10 +84,20 @@ pub trait Scalar:
     fn ln(self) -> Self {
         self.map(|x| (x.ln(), 1.0 / x))
     }
+    /// ln(1 + x), with all digits of a small x.
+    #[inline(always)]
+    fn ln_1p(self) -> Self {
+        self.map(|x| (x.ln_1p(), 1.0 / (1.0 + x)))
+    }
     /// Exponential.
     #[inline(always)]
     fn exp(self) -> Self {
         self.map(|x| (x.exp(), x.exp()))
+    }
+    /// eˣ − 1, with all digits of a small x.
+    #[inline(always)]
+    fn exp_m1(self) -> Self {
+        self.map(|x| (x.exp_m1(), x.exp()))
     }
     /// Real power.
     #[inline(always)]
@@ -296,6 +308,7 @@ impl<const N: usize> SubAssign for Jet<N> {
 
 impl<const N: usize> Scalar for Jet<N> {
     one_bond!(Jet<N>);
+    const DIFFERENTIATES: bool = true;
     #[inline(always)]
     fn of(x: f64) -> Self {
         Jet { value: x, slope: [0.0; N] }

@@ -18,7 +18,8 @@ pub const MOST: usize = 8;
 /// Angle, as a cosine or a share of the horizon, within which a bond lies on a border.
 const TIE: f64 = 1e-9;
 
-/// Smallest eigenvalue of the shape tensor of a sub-horizon over its largest that [`Partition::Automatic`] accepts.
+/// Smallest eigenvalue of the shape tensor of a sub-horizon over its largest, below which it counts as empty: a gradient across a
+/// nearly flat set multiplies what the bonds do by the inverse of its root. On lattices sets are either flat or far from it.
 pub const WELL_SHAPED: f64 = 1e-2;
 
 /// How families are divided.

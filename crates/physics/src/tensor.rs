@@ -227,6 +227,175 @@ impl<const D: usize> Matrix<f64, D> {
     }
 }
 
+impl<const D: usize> Matrix<f64, D> {
+    /// Eigenvalues of a symmetric tensor, in no order, and the rotation V whose columns are the unit eigenvectors: A = V Λ Vᵀ
+    /// (cyclic Jacobi rotations). Does not allocate; exact for a diagonal tensor.
+    pub fn eigen(self) -> ([f64; D], Self) {
+        let (mut a, mut v) = (self.0, Matrix::<f64, D>::identity().0);
+        for _ in 0..50 {
+            let mut turned = false;
+            for p in 0..D {
+                for q in p + 1..D {
+                    let apq = a[p][q];
+                    // written so that a NaN ends the sweeps
+                    let small = apq.abs() <= 1e-18 * (a[p][p].abs() + a[q][q].abs());
+                    if small || apq.is_nan() {
+                        continue;
+                    }
+                    turned = true;
+                    let theta = (a[q][q] - a[p][p]) / (2.0 * apq);
+                    let t = if theta < 0.0 { -1.0 } else { 1.0 } / (theta.abs() + (theta * theta + 1.0).sqrt());
+                    let c = 1.0 / (t * t + 1.0).sqrt();
+                    let s = t * c;
+                    for k in 0..D {
+                        let (x, y) = (a[k][p], a[k][q]);
+                        a[k][p] = c * x - s * y;
+                        a[k][q] = s * x + c * y;
+                    }
+                    for k in 0..D {
+                        let (x, y) = (a[p][k], a[q][k]);
+                        a[p][k] = c * x - s * y;
+                        a[q][k] = s * x + c * y;
+                    }
+                    for row in &mut v {
+                        let (x, y) = (row[p], row[q]);
+                        row[p] = c * x - s * y;
+                        row[q] = s * x + c * y;
+                    }
+                }
+            }
+            if !turned {
+                break;
+            }
+        }
+        (array(|k| a[k][k]), Matrix(v))
+    }
+}
+
+/// A symmetric tensor by its components 11, 22, 33, 23, 13, 12 (in the plane 11, 22, 12; in one dimension 11): the first
+/// D(D + 1)/2 numbers, the others are never looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Symmetric<S, const D: usize>(pub [S; 6]);
+
+impl<S: Scalar, const D: usize> Symmetric<S, D> {
+    /// Number of independent components.
+    pub const COMPONENTS: usize = D * (D + 1) / 2;
+    /// Indices of component `k`.
+    #[inline(always)]
+    pub const fn pair(k: usize) -> (usize, usize) {
+        match (D, k) {
+            (2, 2) => (0, 1),
+            (_, 3) => (1, 2),
+            (_, 4) => (0, 2),
+            (_, 5) => (0, 1),
+            _ => (k, k),
+        }
+    }
+    /// By components.
+    #[inline(always)]
+    pub fn of(mut f: impl FnMut(usize, usize) -> S) -> Self {
+        let mut r = [S::of(0.0); 6];
+        let mut k = 0;
+        while k < Self::COMPONENTS {
+            let (a, b) = Self::pair(k);
+            r[k] = f(a, b);
+            k += 1;
+        }
+        Symmetric(r)
+    }
+    /// v ⊗ v
+    #[inline(always)]
+    pub fn square(v: Vector<S, D>) -> Self {
+        Self::of(
+            #[inline(always)]
+            |a, b| v.0[a] * v.0[b],
+        )
+    }
+    /// The components of a symmetric matrix.
+    #[inline(always)]
+    pub fn of_matrix(m: &Matrix<S, D>) -> Self {
+        Self::of(
+            #[inline(always)]
+            |a, b| m.0[a][b],
+        )
+    }
+    /// As a matrix.
+    #[inline(always)]
+    pub fn matrix(self) -> Matrix<S, D> {
+        let mut m = Matrix::zero();
+        for k in 0..Self::COMPONENTS {
+            let (a, b) = Self::pair(k);
+            m.0[a][b] = self.0[k];
+            m.0[b][a] = self.0[k];
+        }
+        m
+    }
+    /// Σ over the components, each once.
+    #[inline(always)]
+    pub fn dot(self, o: Self) -> S {
+        let mut r = self.0[0] * o.0[0];
+        let mut k = 1;
+        while k < Self::COMPONENTS {
+            r = self.0[k].fma(o.0[k], r);
+            k += 1;
+        }
+        r
+    }
+    /// The components of unequal indices times `s`: with √2 they become those of Mandel, whose dot product is A : B.
+    #[inline(always)]
+    pub fn scaled_off_diagonal(mut self, s: f64) -> Self {
+        for k in D..Self::COMPONENTS {
+            self.0[k] = self.0[k] * s;
+        }
+        self
+    }
+    /// Component by component.
+    #[inline(always)]
+    pub fn zip(self, o: Self, f: impl Fn(S, S) -> S) -> Self {
+        Symmetric(array(
+            #[inline(always)]
+            |k| f(self.0[k], o.0[k]),
+        ))
+    }
+}
+
+impl<R: Scalar, const D: usize> Record<R> for Symmetric<R, D> {
+    const WORDS: usize = D * (D + 1) / 2;
+    #[inline(always)]
+    fn word(&self, k: usize) -> R {
+        self.0[k]
+    }
+    #[inline(always)]
+    fn read(f: impl Fn(usize) -> R + Copy, at: usize) -> Self {
+        Symmetric(array(
+            #[inline(always)]
+            |k| if k < D * (D + 1) / 2 { f(at + k) } else { R::of(0.0) },
+        ))
+    }
+}
+impl<S: Scalar, const D: usize> Linear<S> for Symmetric<S, D> {
+    type Total = Symmetric<S::Sum, D>;
+    #[inline(always)]
+    fn nothing() -> Self {
+        Symmetric([S::of(0.0); 6])
+    }
+    #[inline(always)]
+    fn add_times(&mut self, w: S, x: Self) {
+        let mut k = 0;
+        while k < Self::COMPONENTS {
+            self.0[k] = w.fma(x.0[k], self.0[k]);
+            k += 1;
+        }
+    }
+    #[inline(always)]
+    fn total(self) -> Self::Total {
+        Symmetric(array(
+            #[inline(always)]
+            |k| if k < D * (D + 1) / 2 { self.0[k].sum() } else { S::Sum::of(0.0) },
+        ))
+    }
+}
+
 /// Eigenvalues in ascending order and unit eigenvectors, one after the other, of a symmetric matrix of any size `n`, given by
 /// rows (cyclic Jacobi rotations). For small matrices that are made once: it allocates.
 pub fn symmetric_eigen(matrix: &[f64], n: usize) -> (Vec<f64>, Vec<f64>) {
@@ -526,6 +695,19 @@ mod tests {
         }
         assert!(Matrix([[1.0, 1.0], [1.0, 1.0]]).inverse_if_regular(1e-10).is_none());
         assert!(Matrix([[f64::NAN, 1.0], [1.0, 1.0]]).inverse_if_regular(1e-10).is_none());
+    }
+
+    #[test]
+    fn eigenvectors_without_allocation() {
+        let a = Matrix([[2.0, -1.0, 0.5], [-1.0, 2.0, -1.0], [0.5, -1.0, 3.0]]);
+        let (e, v) = a.eigen();
+        for k in 0..3 {
+            let x = Vector([v.0[0][k], v.0[1][k], v.0[2][k]]);
+            assert!((x.norm() - 1.0).abs() < 1e-15);
+            assert!((a * x - x * e[k]).norm() < 1e-15 * 6.0, "{k}");
+        }
+        assert_eq!(Matrix([[3.0, 0.0], [0.0, 1.0]]).eigen(), ([3.0, 1.0], Matrix::identity()));
+        assert!(Matrix([[f64::NAN, 1.0], [1.0, f64::NAN]]).eigen().0[0].is_nan());
     }
 
     #[test]

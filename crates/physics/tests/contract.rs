@@ -36,8 +36,14 @@ fn equip<const D: usize>(row: &Row<D>, body: Body<D>) -> Body<D> {
     if row.words > 0 {
         body = body.with_history(row.words, 0.1);
     }
+    if row.point_words > 0 {
+        body = body.with_point_history(row.point_words);
+    }
     if row.thermal {
         body = body.heated(300.0);
+    }
+    if let Some((partition, planes)) = row.partition {
+        body = body.divided(partition, planes);
     }
     body
 }
@@ -90,7 +96,7 @@ fn gradient<const D: usize>(row: &Row<D>) -> f64 {
     let mut worst = 0.0f64;
     for mut body in bodies(row) {
         worst = worst.max(gradient_on(row, &body, 1));
-        if row.words > 0 {
+        if row.words > 0 || row.remembers {
             // again after the history was written
             let u = body.random(SPACING, 1);
             row.model.commit(&mut body, &u);
@@ -617,22 +623,24 @@ contract!(
 );
 
 fn commit<const D: usize>(row: &Row<D>) -> f64 {
-    if row.words == 0 {
+    if row.words == 0 && !row.remembers {
         return 0.0;
     }
-    let mut worst = 0.0f64;
+    let (mut worst, mut remembered) = (0.0f64, false);
     for mut body in bodies(row) {
         body.bond_memory.fill(0.0);
         for seed in [1, 2] {
             let u = body.random(SPACING, seed);
             let before = row.model.evaluate(&body, &u, With::Scalars).forces;
-            let history = body.bond_memory.clone();
+            let history = (body.memory.clone(), body.bond_memory.clone());
             row.model.commit(&mut body, &u);
             let after = row.model.evaluate(&body, &u, With::Scalars).forces;
-            assert!(history != body.bond_memory, "{}: nothing was remembered", row.name);
+            // a random deformation of a bar may stay below the yield stress
+            remembered |= history != (body.memory.clone(), body.bond_memory.clone());
             worst = worst.max(difference(after.as_flattened(), before.as_flattened()));
         }
     }
+    assert!(remembered, "{}: nothing was remembered", row.name);
     worst
 }
 
@@ -721,7 +729,8 @@ fn kelvin_voigt<const D: usize>(row: &Row<D>) -> f64 {
     let strain: Square<D> =
         std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (h[i][j] + h[j][i]) + RETARDATION * 0.5 * (rate[i][j] + rate[j][i])));
     let want = hooke(row.section, strain);
-    (0..body.families()).map(|i| difference(stress_of(&body, &forces, i).as_flattened(), want.as_flattened())).fold(0.0, f64::max)
+    let off = |i| difference(stress_of(&body, &forces, i).as_flattened(), want.as_flattened());
+    (0..body.families()).map(off).fold(0.0, f64::max) / row.amplification
 }
 
 contract!(
@@ -848,19 +857,20 @@ fn expansion<const D: usize>(row: &Row<D>) -> f64 {
         worst = worst.max(largest(free.forces.as_flattened()) / largest(fixed.forces.as_flattened()));
         worst = worst.max(largest(&energies) / largest(&fixed.energies));
     }
-    worst
+    worst / row.amplification
 }
 
 /// A bar that is held: P = −E α ΔT (a neo-Hookean one: to first order in α ΔT).
 #[test]
 fn a_held_bar_is_compressed() {
-    for row in rows::<1>().iter().filter(|r| r.thermal && !r.name.contains("orthotropic")) {
+    // the strain of extended correspondence is frozen with the whole family: after bonds broke it carries less
+    for row in rows::<1>().iter().filter(|r| r.thermal && !r.name.contains("orthotropic") && !r.name.starts_with("extended")) {
         let mut body = bodies(row)[1].clone();
         let change = 120.0;
         body.temperature.fill(change);
         let forces = row.model.evaluate(&body, &vec![0.0; body.points() * ROW], With::Scalars).forces;
         let want = -STEEL.young * EXPANSION * change;
-        let limit = if row.name.contains("neo-Hookean") { 3.0 * EXPANSION * change } else { 1e-13 };
+        let limit = if row.name.contains("neo-Hookean") { 3.0 * EXPANSION * change } else { 1e-13 * row.amplification };
         for i in 0..body.families() {
             let off = (stress_of(&body, &forces, i)[0][0] / want - 1.0).abs();
             assert!(off < limit, "{}: {off:.1e}", row.name);

@@ -16,9 +16,13 @@ use physics::family::{Family, Reference};
 use physics::influence::{One, Stored};
 use physics::isotropy::fourth_moment_factors;
 use physics::material::Material;
-use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
+use physics::models::{
+    BondBased, BondBasedConstants, BondStrainCalibration, CorrectedCorrespondence, Correspondence, EmptySubHorizon, ExtendedCorrespondence,
+    LinearPeridynamicSolid, LinearPeridynamicSolidConstants, SethHill, SubHorizonCorrespondence,
+};
 use physics::scalar::{Jet, ROW, Scalar};
 use physics::stretch_law::Elastic;
+use physics::sub_horizon::Partition;
 use physics::tensor::{Vector, symmetric_eigen};
 use physics::zero_energy::{self, Control, NoControl, Wan2019};
 use std::f64::consts::PI;
@@ -46,6 +50,22 @@ impl<const D: usize> Lattice<D> {
     }
     /// With fourth-moment weights of the given power.
     fn corrected<M: Material<D>>(material: M, constants: M::Constants, delta: f64, power: Option<i32>) -> Self {
+        Self::prepared(material, constants, delta, power, None, 1.0)
+    }
+    /// With the family divided into sub-horizons.
+    fn divided<const P: usize>(partition: Partition, empty: EmptySubHorizon, delta: f64) -> Self {
+        let model = SubHorizonCorrespondence::<_, _, P> { law: LinearElastic, omega: One, empty };
+        Self::prepared(model, Stiffness::isotropic(SOLID, 0.0, section::<D>()), delta, None, Some((partition, P)), 1.0)
+    }
+    /// About a uniform dilatation of the given stretch.
+    fn prepared<M: Material<D>>(
+        material: M,
+        constants: M::Constants,
+        delta: f64,
+        power: Option<i32>,
+        partition: Option<(Partition, usize)>,
+        stretch: f64,
+    ) -> Self {
         let n = delta as i64 + 1;
         let side = (2 * n + 1) as usize;
         let bonds: Vec<[f64; D]> = (0..side.pow(D as u32))
@@ -63,12 +83,16 @@ impl<const D: usize> Lattice<D> {
             let factors = fourth_moment_factors(&bonds, power).expect("a family that can be corrected");
             body.weight[..factors.len()].copy_from_slice(&factors);
         }
+        if let Some((partition, planes)) = partition {
+            body = body.divided(partition, planes);
+        }
         let rest = vec![0.0; body.points() * ROW];
         let shape = material.shape(&constants, Reference::new(&body.view(&rest), 0)).expect("a full family");
         let size = bonds.len() * D;
         let mut tangent = vec![0.0; size * size];
         for first in (0..size).step_by(N) {
-            let mut u = vec![Jet::<N>::of(0.0); body.points() * ROW];
+            let mut u: Vec<Jet<N>> =
+                body.displaced(|_, x| std::array::from_fn(|k| (stretch - 1.0) * x[k])).into_iter().map(Jet::of).collect();
             for direction in first..size.min(first + N) {
                 // far point c is point c + 1
                 u[(direction / D + 1) * ROW + direction % D].slope[direction - first] = 1.0;
@@ -168,6 +192,11 @@ fn correspondence<Z: Control<D>, const D: usize>(control: Z, delta: f64) -> Latt
 }
 fn silling(strength: f64) -> zero_energy::Isotropic {
     zero_energy::Isotropic::Silling2017 { strength }
+}
+fn extended<const D: usize>(m: f64, calibration: BondStrainCalibration, control: f64, delta: f64, stretch: f64) -> Lattice<D> {
+    let exponent = SethHill::new(m).expect("a moderate exponent");
+    let model = ExtendedCorrespondence { law: LinearElastic, exponent, calibration, control, omega: Stored };
+    Lattice::prepared(model, Stiffness::isotropic(SOLID, 0.0, section::<D>()), delta, None, None, stretch)
 }
 fn bond_based<const D: usize>(delta: f64) -> Lattice<D> {
     let c = BondBasedConstants { young: 1.0, section: section::<D>(), continuum: false };
@@ -336,4 +365,145 @@ fn conventional_symbol_by_hand() {
             }
         }
     }
+}
+
+/// Sub-horizons in half-spaces: no mode is free, and the checkerboard costs what an independent implementation found.
+#[test]
+fn sub_horizons_leave_no_zero_energy_mode() {
+    const DROP: EmptySubHorizon = EmptySubHorizon::Renormalise;
+    fn asked<const D: usize>(lattice: &Lattice<D>, name: &str, n: i64, checkerboard: Option<f64>) {
+        let (corners, elsewhere, smallest) = zeros(lattice, n);
+        let energy = 0.5 * lattice.symbol([PI; D])[0][0][0];
+        println!("{D}D, {name}: smallest eigenvalue {smallest:.2e} of the largest, checkerboard {energy:.6}");
+        assert_eq!((corners, elsewhere), (0, 0), "{D}D, {name}");
+        assert!(smallest > 1e-4, "{D}D, {name}: {smallest}");
+        if let Some(want) = checkerboard {
+            assert!((energy / want - 1.0).abs() < 6e-5, "{D}D, {name}: {energy} {want}");
+        }
+    }
+    let axes = Partition::Orthants;
+    asked(&Lattice::<1>::divided::<8>(axes, DROP, 1.1), "half-lines, 1.1", 32, Some(2.0));
+    asked(&Lattice::<1>::divided::<8>(axes, DROP, 5.1), "half-lines, 5.1", 32, Some(0.053554));
+    asked(&Lattice::<1>::divided::<8>(Partition::Intervals(4), DROP, 5.1), "four intervals, 5.1", 32, None);
+    asked(&Lattice::<2>::divided::<8>(axes, DROP, 1.1 * 2f64.sqrt()), "quadrants, 1.1", 8, Some(0.35556));
+    asked(&Lattice::<2>::divided::<8>(axes, DROP, 3.1 * 2f64.sqrt()), "quadrants, 3.1", 8, Some(0.052281));
+    for n in 3..=8 {
+        asked(&Lattice::<2>::divided::<8>(Partition::Sectors(n), DROP, 3.1 * 2f64.sqrt()), &format!("{n} sectors, 3.1"), 8, None);
+    }
+    asked(&Lattice::<3>::divided::<8>(axes, DROP, 1.1), "octants, 1.1", 4, Some(4.0));
+    asked(&Lattice::<3>::divided::<8>(axes, DROP, 3.1), "octants, 3.1", 4, Some(0.11111));
+    asked(&Lattice::<3>::divided::<8>(Partition::Cones(6), DROP, 3.1), "six cones, 3.1", 4, None);
+    asked(&Lattice::<3>::divided::<8>(Partition::Automatic(8), DROP, 3.1), "automatic, 3.1", 4, None);
+}
+
+/// δ²·symbol/E for short waves in the continuum: 0 for the whole family, 9/4 for two and (9 + 81/49)/2 for four sub-horizons.
+#[test]
+fn short_waves_of_sub_horizons() {
+    let (delta, k) = (400.5, 0.31 * PI);
+    let limit = |lattice: Lattice<1>| delta * delta * lattice.eigenvalues([k])[0];
+    let zero = limit(correspondence(NoControl, delta));
+    let two = limit(Lattice::divided::<8>(Partition::Intervals(2), EmptySubHorizon::ZeroEnergy { of: 2 }, delta));
+    let four = limit(Lattice::divided::<8>(Partition::Intervals(4), EmptySubHorizon::ZeroEnergy { of: 4 }, delta));
+    println!("short waves: whole {zero:.4}, two {two:.4}, four {four:.4}");
+    // the lattice of 400 points a half adds terms of order 1/(k δ) and 1/400
+    assert!(zero < 0.01 && (two / 2.25 - 1.0).abs() < 0.02 && (four / 5.3265 - 1.0).abs() < 0.02);
+}
+
+/// The correction is even where the family is symmetric: the modes at the corners stay free whatever the order.
+#[test]
+fn corrected_influence_functions_do_not_control_the_corners() {
+    for order in 1..=8 {
+        let model = CorrectedCorrespondence::<_, _, _, 10> { law: LinearElastic, control: zero_energy::Isotropic::None, omega: One, order };
+        let lattice = Lattice::<1>::new(model, Stiffness::isotropic(SOLID, 0.0, section::<1>()), 5.1);
+        let largest = (1..32).map(|j| lattice.eigenvalues([j as f64 * PI / 32.0])[0]).fold(0.0, f64::max);
+        assert!(lattice.eigenvalues([PI])[0] < 1e-14 * largest, "{order}");
+        // long waves are classical, the better the higher the order: E k² to (kδ)^N with N even
+        let off = |k: f64| (lattice.eigenvalues([k])[0] / (k * k) - 1.0).abs();
+        let observed = (off(0.2) / off(0.1)).log2();
+        println!("order {order}: symbol at kδ = 1.02 off by {:.1e}, observed order {observed:.2}", off(0.2));
+        assert!((observed - 2.0 * order.div_ceil(2) as f64).abs() < 0.2, "{order} {observed}");
+    }
+    let model = CorrectedCorrespondence::<_, _, _, 14> { law: LinearElastic, control: zero_energy::Isotropic::None, omega: One, order: 3 };
+    let (corners, _, _) = zeros(&Lattice::<2>::new(model, Stiffness::isotropic(SOLID, 0.0, section::<2>()), 3.1), 8);
+    assert_eq!(corners, 6);
+}
+
+/// The extended model has the zero-energy modes of the corners too, whatever m and the correction; its control removes them. Long
+/// waves are classical with the corrected strain.
+#[test]
+fn extended_correspondence_keeps_the_zero_energy_modes() {
+    use BondStrainCalibration::{AsPublished, MomentTensor};
+    fn asked<const D: usize>(delta: f64, n: i64) {
+        for (m, calibration) in [(1.0, MomentTensor), (0.0, AsPublished)] {
+            let free = extended::<D>(m, calibration, 0.0, delta, 1.0);
+            let (corners, elsewhere, smallest) = zeros(&free, n);
+            println!("{D}D, δ = {delta}, m = {m}, {calibration:?}: {corners} + {elsewhere} zeros, smallest other {smallest:.1e}");
+            assert_eq!((corners, elsewhere), (D * ((1 << D) - 1), 0), "{D}D");
+            let held = extended::<D>(m, calibration, 1.0, delta, 1.0);
+            let (corners, elsewhere, smallest) = zeros(&held, n);
+            println!("  with control: {} zeros, smallest {smallest:.1e}", corners + elsewhere);
+            assert_eq!((corners, elsewhere), (0, 0), "{D}D");
+            assert!(smallest > 1e-4, "{D}D: {smallest}");
+            if calibration == MomentTensor {
+                for lattice in [&free, &held] {
+                    long_waves(lattice, &format!("extended {D}D"));
+                }
+            }
+        }
+    }
+    fn long_waves<const D: usize>(lattice: &Lattice<D>, name: &str) {
+        let (lambda, mu) = (0.4, 0.4);
+        let mut worst = 0.0f64;
+        for n in [[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [2.0 / 7.0, 3.0 / 7.0, 6.0 / 7.0]] {
+            let length = n[..D].iter().map(|x| x * x).sum::<f64>().sqrt();
+            let n: [f64; D] = std::array::from_fn(|k| n[k] / length);
+            let k = 1e-4;
+            let [re, _] = lattice.symbol(n.map(|x| k * x));
+            for a in 0..D {
+                for b in 0..D {
+                    let want = if D == 1 { 1.0 } else { (lambda + mu) * n[a] * n[b] + if a == b { mu } else { 0.0 } };
+                    worst = worst.max((re[a][b] / (k * k) - want).abs());
+                }
+            }
+        }
+        println!("  long waves, {name}: off by {worst:.1e}");
+        assert!(worst < 1e-6, "{name}: {worst:.1e}");
+    }
+    asked::<1>(3.1, 16);
+    asked::<2>(3.1, 8);
+    asked::<3>(2.1, 4);
+}
+
+/// Under a dilatation the checkerboard has the stiffness 4 p λ^(2m − 2) (2m + d − 2)/Σω · Σ_odd ω/ξ² with the mean stress p of the law: of
+/// the sign of p (2m + d − 2), and none at m = (2 − d)/2.
+#[test]
+fn stressed_checkerboards_of_extended_correspondence() {
+    fn asked<const D: usize>(delta: f64) {
+        for m in [-1.0, -0.5, 0.0, 0.5, 1.0] {
+            for stretch in [0.98, 1.02] {
+                let lattice = extended::<D>(m, BondStrainCalibration::MomentTensor, 0.0, delta, stretch);
+                let strain = if m == 0.0 { f64::ln(stretch) } else { (f64::powf(stretch, 2.0 * m) - 1.0) / (2.0 * m) };
+                // λ = μ = 0.4; E = 1 in a bar
+                let mean = if D == 1 { strain } else { (0.4 * D as f64 + 0.8) * strain };
+                let odd: f64 = lattice
+                    .bonds
+                    .iter()
+                    .filter(|x| x.iter().sum::<f64>().rem_euclid(2.0) == 1.0)
+                    .map(|x| 1.0 / x.iter().map(|x| x * x).sum::<f64>())
+                    .sum();
+                let factor = 2.0 * m + D as f64 - 2.0;
+                let want = 4.0 * mean * stretch.powf(2.0 * m - 2.0) * factor / lattice.bonds.len() as f64 * odd;
+                let scale = 4.0 * mean.abs() / lattice.bonds.len() as f64 * odd;
+                let got = lattice.eigenvalues([PI; D]);
+                println!("{D}D, m = {m:4}, stretch {stretch}: checkerboard stiffness {:+.3e}, closed form {want:+.3e}", got[0]);
+                for x in &got {
+                    assert!((x - want).abs() < 1e-12 * scale, "{D}D, {m}, {stretch}: {x} {want}");
+                    assert!(factor == 0.0 || x * mean * factor > 0.0);
+                }
+            }
+        }
+    }
+    asked::<1>(3.1);
+    asked::<2>(3.1);
+    asked::<3>(2.1);
 }

@@ -12,6 +12,7 @@
 //! Every step notes faults and goes on, so that a user sees all of them at once, each with file, line, column, key,
 //! value and remedy (`report.rs`). Every value keeps its [`Span`], so that later checks can do the same through
 //! [`Deck::errors`].
+mod combinations;
 mod decode;
 mod expression;
 mod parameters;
@@ -24,6 +25,7 @@ mod tree;
 mod types;
 mod units;
 
+pub(crate) use combinations::{HISTORY, chooses, placeholders};
 pub use decode::{Auto, Dictionary, Position, SetName, Spanned, Text};
 pub use expression::{Expr, ExpressionError, Scope};
 pub use parameters::{Parameter, ParameterValue, Parameters};
@@ -66,6 +68,10 @@ section! {
         output: Output = "{}",
         /// Expected results.
         expect: Vec<Expectation> = "[]",
+        /// The deck run for several values of its parameters.
+        study: Option<Study>,
+        /// What is drawn of all runs of the study together. Without a study these are the runs of the deck.
+        figures: Vec<Figure> = "[]",
         /// How the deck takes part in `verify`.
         verify: Verify = "{}",
     }
@@ -105,6 +111,8 @@ pub struct Deck {
     pub parameters: Parameters,
     /// The name of the run: `default` unless one was chosen.
     pub run: String,
+    /// The name of the combination, where the deck is one of a study.
+    pub combination: Option<String>,
     sources: Sources,
     tree: Node,
 }
@@ -119,6 +127,42 @@ impl Deref for Deck {
 
 /// The name of the only run of a deck without `runs`.
 pub const DEFAULT_RUN: &str = "default";
+
+/// One combination of a study.
+#[derive(Debug, Clone)]
+pub struct Combination {
+    /// Its name, such as `m=2.1,n=4`.
+    pub name: String,
+    /// Whether it is marked slow.
+    pub slow: bool,
+    /// Names and texts of the values that it sets.
+    pub values: Vec<(String, String)>,
+    /// The deck with these values.
+    pub deck: Deck,
+}
+
+/// The decks of a study.
+#[derive(Debug, Clone)]
+pub struct StudyDecks {
+    /// The deck as written.
+    pub written: Deck,
+    /// All combinations, in order.
+    pub combinations: Vec<Combination>,
+}
+
+impl Combination {
+    /// Whether `wanted` is its name, or parts of it.
+    pub fn is_called(&self, wanted: &str) -> bool {
+        chooses(wanted, &self.name)
+    }
+}
+
+impl StudyDecks {
+    /// Whether making the study makes this run of the deck, or takes its place.
+    pub fn covers(&self, run: &str) -> bool {
+        run == DEFAULT_RUN && self.written.runs.is_empty() || self.combinations.iter().any(|one| one.deck.run == run)
+    }
+}
 
 /// A run that a deck offers.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -145,6 +189,17 @@ impl Deck {
     /// # Errors
     /// Every fault of the deck.
     pub fn from_text(text: String, path: &Path, overrides: &[(String, String)], run: Option<&str>) -> Result<Self, DeckErrors> {
+        Self::read(text, path, overrides, run, None)
+    }
+
+    /// Reads a deck; of a study, the combination of that place in its list.
+    fn read(
+        text: String,
+        path: &Path,
+        overrides: &[(String, String)],
+        run: Option<&str>,
+        combination: Option<&combinations::Listed>,
+    ) -> Result<Self, DeckErrors> {
         let mut sources = Sources::new(path);
         sources.add(path.display().to_string(), text);
         let mut issues = Vec::new();
@@ -157,7 +212,12 @@ impl Deck {
         let mut current = tree.clone();
         let mut parameters = take_parameters(&mut current, &mut issues);
         choose_run(&current, run, &mut parameters, &mut issues);
+        let listed = combinations::list(&current, &parameters, &mut issues);
         parameters::apply(&mut parameters, &changes, &mut issues);
+        if let Some(one) = combination {
+            // names that do not exist were told with the list
+            parameters::apply(&mut parameters, &one.values, &mut Vec::new());
+        }
         let mut replacing = Replacing { sources: &sources, issues: &mut issues, broken: Vec::new(), placed: 0 };
         replace_all(&mut current, &mut parameters, &mut replacing);
         let broken = replacing.broken;
@@ -186,6 +246,7 @@ impl Deck {
         let Context { parameters, sources, mut issues, .. } = cx;
         if let Some(sections) = &sections {
             references::check(sections, &mut issues);
+            combinations::check(sections, &listed, &parameters, &mut issues);
         }
         let within = |issue: &Issue, outer: &Span| {
             issue.span.source == outer.source && outer.start <= issue.span.start && issue.span.end <= outer.end
@@ -193,8 +254,57 @@ impl Deck {
         let later = issues.split_off(told);
         issues.extend(later.into_iter().filter(|issue| !broken.iter().any(|outer| within(issue, outer))));
         match sections {
-            Some(sections) if issues.is_empty() => Ok(Self { sections, parameters, run: run.unwrap_or(DEFAULT_RUN).into(), sources, tree }),
+            Some(sections) if issues.is_empty() => Ok(Self {
+                sections,
+                parameters,
+                run: run.unwrap_or(DEFAULT_RUN).into(),
+                combination: combination.map(|one| one.name.clone()),
+                sources,
+                tree,
+            }),
             _ => Err(with_paths(issues, &tree, &sources)),
+        }
+    }
+
+    /// The deck at `path` as written, and all combinations of its study in order; `None` if it has no study.
+    ///
+    /// # Errors
+    /// Every fault of the deck, and those that only appear in some combinations.
+    pub fn study(path: &Path, overrides: &[(String, String)]) -> Result<Option<StudyDecks>, DeckErrors> {
+        let text = read_file(path)?;
+        let mut sources = Sources::new(path);
+        sources.add(path.display().to_string(), text.clone());
+        let mut issues = Vec::new();
+        let Some(tree) = top(&sources, &mut issues) else {
+            return Err(DeckErrors::new(issues, &sources));
+        };
+        if !combinations::has_study(&tree) {
+            return Ok(None);
+        }
+        let parameters = take_parameters(&mut tree.clone(), &mut Vec::new());
+        let listed = combinations::list(&tree, &parameters, &mut Vec::new());
+        let mut faults = vec![];
+        for (name, text) in overrides.iter().filter(|(name, _)| listed.iter().any(|one| one.values.iter().any(|e| e.key == *name))) {
+            let source = sources.add(format!("--set {name}"), text.clone());
+            let span = Span { source, start: 0, end: text.len() as u32 };
+            let message = format!("the study varies `{name}`, so that it cannot be set");
+            let issue = Issue::new(span, message, "choose combinations with `--only`, or a run with `--run`");
+            faults.push(DeckErrors::new(vec![issue], &sources));
+        }
+        let written = Self::from_text(text.clone(), path, overrides, None);
+        let mut all = vec![];
+        for one in &listed {
+            match Self::read(text.clone(), path, overrides, one.run.as_deref(), Some(one)) {
+                Ok(deck) => all.push(Combination { name: one.name.clone(), slow: deck.is_slow(), values: texts(&one.values), deck }),
+                // what is wrong with the deck as written is told once
+                Err(errors) if written.is_ok() => faults.push(errors.of(&one.name)),
+                Err(_) => {}
+            }
+        }
+        match written {
+            Ok(written) if faults.is_empty() => Ok(Some(StudyDecks { written, combinations: all })),
+            Ok(_) => Err(DeckErrors::joined(faults)),
+            Err(errors) => Err(DeckErrors::joined([errors].into_iter().chain(faults))),
         }
     }
 
@@ -219,15 +329,33 @@ impl Deck {
         Ok(runs.iter().map(|run| RunName { name: run.key.clone(), slow: deck_slow || slow(Some(&run.value)) }).collect())
     }
 
-    /// What is expected of this run: the expectations of the deck, then those of the run.
+    /// What is expected of this run: the expectations of the deck, then those of the run, then those of the combination; of these
+    /// the ones whose condition holds.
     pub fn expectations(&self) -> impl Iterator<Item = &Expectation> {
         let own = self.sections.runs.get(&self.run).map_or(&[] as &[Expectation], |run| &run.expect);
-        self.sections.expect.iter().chain(own)
+        let combined = self.settings().flat_map(|settings| &settings.expect);
+        self.sections.expect.iter().chain(own).chain(combined).filter(|e| e.when.is_none_or(|when| when.value != 0.0))
     }
 
-    /// Whether this run, or the whole deck, is marked slow.
+    /// What a study measures in this run without expecting it; nothing outside of a study.
+    pub fn measures(&self) -> impl Iterator<Item = &Expectation> {
+        let study = self.sections.study.as_ref().filter(|_| self.combination.is_some());
+        study.into_iter().flat_map(|study| study.measure.iter().map(|measure| &measure.0))
+    }
+
+    /// The settings of the study that concern this combination.
+    fn settings(&self) -> impl Iterator<Item = &CombinationSettings> {
+        let pair = self.sections.study.as_ref().zip(self.combination.as_deref());
+        pair.into_iter().flat_map(|(study, own)| {
+            study.combinations.iter().filter(move |(name, _)| chooses(&name.value, own)).map(|(_, settings)| settings)
+        })
+    }
+
+    /// Whether this run, its combination, or the whole deck, is marked slow.
     pub fn is_slow(&self) -> bool {
-        self.sections.verify.slow || self.sections.runs.get(&self.run).is_some_and(|run| run.slow)
+        self.sections.verify.slow
+            || self.sections.runs.get(&self.run).is_some_and(|run| run.slow)
+            || self.settings().any(|settings| settings.slow)
     }
 
     /// The path of the deck.
@@ -256,7 +384,9 @@ impl Deck {
         let mut value = serde_json::to_value(&self.sections).unwrap_or_default();
         strip_nulls(&mut value);
         if let Some(map) = value.as_object_mut() {
-            map.remove("runs");
+            for key in ["runs", "study", "figures"] {
+                map.remove(key);
+            }
             let expectations: Vec<&Expectation> = self.expectations().collect();
             let mut expect = serde_json::to_value(expectations).unwrap_or_default();
             strip_nulls(&mut expect);
@@ -331,6 +461,10 @@ fn space_dimension(tree: &Node, cx: &mut Context) -> Option<usize> {
     let dimension = tree.get("body").and_then(|body| body.get("dimension")).and_then(|node| Count::decode(node, cx));
     cx.issues.truncate(before);
     dimension.map(|count| count.value as usize).filter(|dimension| (1..=3).contains(dimension))
+}
+
+fn texts(entries: &[Entry]) -> Vec<(String, String)> {
+    entries.iter().map(|entry| (entry.key.clone(), entry.value.text())).collect()
 }
 
 fn read_override(name: &str, text: &str, sources: &mut Sources, issues: &mut Vec<Issue>) -> Option<Entry> {
@@ -409,6 +543,12 @@ fn replace_all(tree: &mut Node, parameters: &mut [Entry], replacing: &mut Replac
                             part.value.replace(&find, replacing);
                         }
                     }
+                }
+            }
+            // the values of a study stand for those of parameters, and are replaced where these are
+            ("study", Content::Map(parts)) => {
+                for part in parts.iter_mut().filter(|part| part.key != "vary") {
+                    part.value.replace(&find, replacing);
                 }
             }
             _ => section.value.replace(&find, replacing),

@@ -78,6 +78,30 @@ impl DeckErrors {
         Self { faults }
     }
 
+    /// The same faults, told to be those of one combination of a study.
+    pub(crate) fn of(mut self, combination: &str) -> Self {
+        for fault in &mut self.faults {
+            fault.issue.message.push_str(&format!(" (in the combination {combination})"));
+        }
+        self
+    }
+
+    /// All faults of several reports on the same deck.
+    pub(crate) fn joined(all: impl IntoIterator<Item = Self>) -> Self {
+        let mut faults: Vec<Fault> = vec![];
+        for report in all {
+            let told = faults.len();
+            for fault in report.faults {
+                // the same place is at fault in many combinations: told for the first
+                if !faults[..told].iter().any(|other| other.file == fault.file && other.issue.span == fault.issue.span) {
+                    faults.push(fault);
+                }
+            }
+        }
+        faults.sort_by_key(|fault| (fault.issue.span.source, fault.issue.span.start));
+        Self { faults }
+    }
+
     /// A fault of the file as a whole.
     pub(crate) fn of_file(path: &std::path::Path, message: String, help: &str) -> Self {
         let file = path.display().to_string();

@@ -59,8 +59,8 @@ pub enum Shape {
     Triangle,
 }
 
-/// How a line is broken: lengths of dash and gap in pixels.
-pub type Dash = Option<[f64; 2]>;
+/// How a line is broken: lengths of dash, gap, second dash and second gap in pixels.
+pub type Dash = Option<[f64; 4]>;
 
 /// A picture in memory.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -184,6 +184,15 @@ impl Canvas {
                 };
                 self.blend(x, y, WHITE, 0.5 - (outside - 1.5));
                 self.blend(x, y, color, 0.5 - outside);
+            }
+        }
+    }
+
+    /// Lays another canvas over this one, its upper left corner at `(left, top)`.
+    pub fn paste(&mut self, other: &Self, left: usize, top: usize) {
+        for y in 0..other.height.min(self.height.saturating_sub(top)) {
+            for x in 0..other.width.min(self.width.saturating_sub(left)) {
+                self.pixels[(top + y) * self.width + left + x] = other.pixels[y * other.width + x];
             }
         }
     }
@@ -330,12 +339,13 @@ fn bounds_of(pieces: &[[[f64; 2]; 2]]) -> Option<[f64; 4]> {
 const MOST_DASHES: usize = 100_000;
 
 /// Cuts a polyline into dashes that run on around its corners.
-fn dashes(points: &[[f64; 2]], [dash, gap]: [f64; 2]) -> Vec<[[f64; 2]; 2]> {
+fn dashes(points: &[[f64; 2]], pattern: [f64; 4]) -> Vec<[[f64; 2]; 2]> {
     // a curve of many points gives a piece for each, dashes apart
     let most = MOST_DASHES + points.len();
     let mut pieces = Vec::new();
-    let mut drawing = true;
-    let mut left = dash;
+    // dashes have even places
+    let mut place = 0;
+    let mut left = pattern[place];
     for pair in points.windows(2) {
         let [a, b] = [pair[0], pair[1]];
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);
@@ -349,14 +359,15 @@ fn dashes(points: &[[f64; 2]], [dash, gap]: [f64; 2]) -> Vec<[[f64; 2]; 2]> {
         let mut s = 0.0;
         while s < length && pieces.len() < most {
             let end = (s + left).min(length);
-            if drawing {
+            if place % 2 == 0 {
                 pieces.push([at(s), at(end)]);
             }
             left -= end - s;
             s = end;
-            if left <= 0.0 {
-                drawing = !drawing;
-                left = if drawing { dash } else { gap };
+            // what is left may be too short to move on by
+            if left <= 1e-6 {
+                place = (place + 1) % 4;
+                left = pattern[place];
             }
         }
     }
@@ -517,7 +528,7 @@ mod tests {
 
     #[test]
     fn dashes_have_their_lengths_around_corners() {
-        let pieces = dashes(&[[0.0, 0.0], [5.0, 0.0], [5.0, 5.0]], [3.0, 1.0]);
+        let pieces = dashes(&[[0.0, 0.0], [5.0, 0.0], [5.0, 5.0]], [3.0, 1.0, 3.0, 1.0]);
         let expected = [[[0.0, 0.0], [3.0, 0.0]], [[4.0, 0.0], [5.0, 0.0]], [[5.0, 0.0], [5.0, 2.0]], [[5.0, 3.0], [5.0, 5.0]]];
         assert_eq!(pieces, expected);
     }

@@ -12,10 +12,12 @@
 //! | [`table`] | `final.csv`, `history.csv` | the last state, one row a point; measures over time |
 //! | [`picture`] | `*.png` | a field on the deformed points |
 //! | [`plot`] | `*.png`, `*.csv` | curves |
+//! | [`figure`] | `*.png`, `*.csv` | a field of several runs, side by side |
 //! | [`summary`] | `summary.json` | what was run, how it went, what it compares with |
 
 pub mod canvas;
 pub mod color;
+pub mod figure;
 pub mod picture;
 pub mod plot;
 pub mod summary;

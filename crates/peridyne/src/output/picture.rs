@@ -10,7 +10,7 @@ use std::path::Path;
 use super::OutputError;
 use super::canvas::{Align, Canvas, Cell, INK, Layer, Rgb, SOFT_INK, Shape, fitting_size, text_width};
 use super::color::{CURVES, ColorMap};
-use super::plot::{Curve, Frame, LABEL_SIZE, Scale, Style, TICK_SIZE, TITLE_SIZE, check_size, draw_curve, with_factor, with_unit};
+use super::plot::{Curve, Frame, LABEL_SIZE, Mark, Scale, Style, TICK_SIZE, TITLE_SIZE, check_size, draw_curve, with_factor, with_unit};
 use super::ticks::{self, number};
 
 /// The points of a body, deformed.
@@ -100,6 +100,8 @@ pub struct Options {
     pub width: usize,
     /// Largest height in pixels. The picture becomes flatter for a slender lying body.
     pub height: usize,
+    /// Whether the colour bar is drawn; without it pictures can stand side by side.
+    pub bar: bool,
 }
 
 impl Default for Options {
@@ -114,6 +116,7 @@ impl Default for Options {
             length_unit: None,
             width: 1600,
             height: 1000,
+            bar: true,
         }
     }
 }
@@ -169,6 +172,11 @@ const BAR_ROOM: f64 = 70.0;
 const BAR_WIDTH: f64 = 34.0;
 /// Least height of a colour bar that still carries readable marks.
 const BAR_HEIGHT: f64 = 260.0;
+
+/// The factor by which [`Deformation::Auto`] magnifies displacements; `None` where nothing can be drawn.
+pub fn automatic_factor(body: &Body<'_>) -> Option<f64> {
+    Blocks::new(body, Deformation::Auto).map(|blocks| blocks.factor)
+}
 
 /// Draws a field on the deformed points.
 ///
@@ -470,7 +478,7 @@ impl Scene<'_> {
         canvas.text([left, 42.0], title, size, INK, Align::Left);
         let mut caption = self.options.caption.clone().unwrap_or_default();
         let factor = self.blocks.factor;
-        if factor != 1.0 {
+        if factor != 1.0 && self.options.bar {
             if !caption.is_empty() {
                 caption.push_str(", ");
             }
@@ -486,38 +494,16 @@ impl Scene<'_> {
 
     /// Width that the colour bar needs right of the cells.
     fn bar_room(&self) -> f64 {
-        let ticks = ticks::linear(self.range.0, self.range.1, 7);
-        let widest = ticks.labels.iter().map(|label| text_width(label, TICK_SIZE));
-        BAR_ROOM + BAR_WIDTH + widest.fold(0.0, f64::max) + 95.0
+        if !self.options.bar {
+            return 30.0;
+        }
+        BAR_ROOM + bar_width(self.range)
     }
 
     fn draw_bar(&self, canvas: &mut Canvas, left: f64, top: f64, bottom: f64) {
-        let (top, bottom, left) = (top.round(), bottom.round(), left.round());
-        let right = left + BAR_WIDTH;
-        let rows = (bottom - top) as usize;
-        for row in 0..rows {
-            let t = 1.0 - (row as f64 + 0.5) / rows as f64;
-            let y = top + row as f64;
-            canvas.fill(left, y, right, y + 1.0, self.options.colors.color(t), 1.0);
+        if self.options.bar {
+            color_bar(canvas, [left, top, bottom], self.options.colors, self.range, &self.heading());
         }
-        let w = 2.0;
-        canvas.fill(left - w, top - w, right + w, top, INK, 1.0);
-        canvas.fill(left - w, bottom, right + w, bottom + w, INK, 1.0);
-        canvas.fill(left - w, top, left, bottom, INK, 1.0);
-        canvas.fill(right, top, right + w, bottom, INK, 1.0);
-        let room = ((bottom - top) / 80.0).clamp(3.0, 8.0) as usize;
-        let ticks = ticks::linear(self.range.0, self.range.1, room);
-        let mut widest: f64 = 0.0;
-        for (value, label) in ticks.values.iter().zip(&ticks.labels) {
-            let y = (bottom - share(*value, self.range) * (bottom - top)).round();
-            canvas.fill(right + w, y - 1.0, right + 9.0, y + 1.0, INK, 1.0);
-            canvas.text([right + 16.0, y], label, TICK_SIZE, INK, Align::Left);
-            widest = widest.max(text_width(label, TICK_SIZE));
-        }
-        let heading = with_factor(&self.heading(), ticks.factor.as_deref());
-        let size = fitting_size(&heading, LABEL_SIZE, bottom - top + 120.0);
-        let place = [right + 16.0 + widest + 34.0, 0.5 * (top + bottom)];
-        canvas.text_upwards(place, &heading, size, INK);
     }
 
     /// Space left for the cells, their scale, and the size of the whole picture, for cells that
@@ -526,7 +512,8 @@ impl Scene<'_> {
         let most = [(self.options.width as f64 - left - right).max(1.0), (self.options.height as f64 - TOP - BOTTOM).max(1.0)];
         let scale = (most[0] / size[0]).min(most[1] / size[1]);
         let cells = [size[0] * scale, size[1] * scale];
-        let least = [(820.0 - left - right).max(1.0), BAR_HEIGHT];
+        // without a bar, pictures of slender bodies may stand close
+        let least = if self.options.bar { [(820.0 - left - right).max(1.0), BAR_HEIGHT] } else { [200.0, 120.0] };
         let room = std::array::from_fn(|k| cells[k].max(least[k].min(most[k])).ceil());
         let whole = [room[0] + left + right, room[1] + TOP + BOTTOM];
         (room, scale, whole)
@@ -697,7 +684,7 @@ impl Scene<'_> {
         let point = |&i: &usize| [self.body.reference[i][0], self.shown.values[i]];
         let few = order.len() <= 60;
         let curve = Curve::new("", order.iter().map(point).collect()).style(if few { Style::LineAndMarkers } else { Style::Line });
-        draw_curve(&mut canvas, &frame, &curve, CURVES[0], Shape::Circle);
+        draw_curve(&mut canvas, &frame, &curve, CURVES[0], Mark { shape: Shape::Circle, hollow: false });
         frame.draw_axes(&mut canvas, &self.axis("x"), &self.heading());
 
         let top = height - strip_height - 40.0;
@@ -717,6 +704,43 @@ impl Scene<'_> {
         layer.lay_on(&mut canvas);
         Picture { canvas, projection }
     }
+}
+
+/// The room that a colour bar needs beside its left side, in pixels.
+pub fn bar_width(range: (f64, f64)) -> f64 {
+    let ticks = ticks::linear(range.0, range.1, 7);
+    let widest = ticks.labels.iter().map(|label| text_width(label, TICK_SIZE));
+    BAR_WIDTH + widest.fold(0.0, f64::max) + 95.0
+}
+
+/// Draws a colour bar with its marks from `top` to `bottom`, `left` being its left side.
+pub fn color_bar(canvas: &mut Canvas, [left, top, bottom]: [f64; 3], colors: ColorMap, range: (f64, f64), heading: &str) {
+    let (top, bottom, left) = (top.round(), bottom.round(), left.round());
+    let right = left + BAR_WIDTH;
+    let rows = (bottom - top) as usize;
+    for row in 0..rows {
+        let t = 1.0 - (row as f64 + 0.5) / rows as f64;
+        let y = top + row as f64;
+        canvas.fill(left, y, right, y + 1.0, colors.color(t), 1.0);
+    }
+    let w = 2.0;
+    canvas.fill(left - w, top - w, right + w, top, INK, 1.0);
+    canvas.fill(left - w, bottom, right + w, bottom + w, INK, 1.0);
+    canvas.fill(left - w, top, left, bottom, INK, 1.0);
+    canvas.fill(right, top, right + w, bottom, INK, 1.0);
+    let room = ((bottom - top) / 80.0).clamp(3.0, 8.0) as usize;
+    let ticks = ticks::linear(range.0, range.1, room);
+    let mut widest: f64 = 0.0;
+    for (value, label) in ticks.values.iter().zip(&ticks.labels) {
+        let y = (bottom - share(*value, range) * (bottom - top)).round();
+        canvas.fill(right + w, y - 1.0, right + 9.0, y + 1.0, INK, 1.0);
+        canvas.text([right + 16.0, y], label, TICK_SIZE, INK, Align::Left);
+        widest = widest.max(text_width(label, TICK_SIZE));
+    }
+    let heading = with_factor(heading, ticks.factor.as_deref());
+    let size = fitting_size(&heading, LABEL_SIZE, bottom - top + 120.0);
+    let place = [right + 16.0 + widest + 34.0, 0.5 * (top + bottom)];
+    canvas.text_upwards(place, &heading, size, INK);
 }
 
 /// A face in the light: never so dark that its colour could be mistaken for another of the map.

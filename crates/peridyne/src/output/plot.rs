@@ -3,10 +3,10 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::canvas::{Align, Canvas, GRID, INK, Rgb, SOFT_INK, Shape, WHITE, fitting_size, text_width};
+use super::canvas::{Align, Canvas, Dash, GRID, INK, Rgb, SOFT_INK, Shape, WHITE, fitting_size, text_width};
 use super::color::CURVES;
 use super::table::quoted;
-use super::ticks::{self, Ticks};
+use super::ticks::{self, Ticks, number};
 use super::{OutputError, write_whole};
 
 pub(crate) const TITLE_SIZE: f64 = 30.0;
@@ -14,7 +14,12 @@ pub(crate) const LABEL_SIZE: f64 = 25.0;
 pub(crate) const TICK_SIZE: f64 = 22.0;
 const MARKER_SIZE: f64 = 13.0;
 const TICK_LENGTH: f64 = 8.0;
-const DASH: [f64; 2] = [12.0, 8.0];
+const DASH: [f64; 4] = [12.0, 8.0, 12.0, 8.0];
+/// Ways to break a line that can be told apart in grey print; the first is none.
+const PATTERNS: [Dash; 5] =
+    [None, Some([20.0, 10.0, 20.0, 10.0]), Some([3.0, 8.0, 3.0, 8.0]), Some([20.0, 8.0, 3.0, 8.0]), Some([34.0, 9.0, 12.0, 9.0])];
+/// Room around a triangle that shows a slope, for its numbers.
+const SLOPE_ROOM: f64 = 30.0;
 
 /// Division of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -89,6 +94,46 @@ pub enum Style {
     Markers,
     /// Markers joined by a solid line: studies of few values.
     LineAndMarkers,
+    /// A coloured line of this pattern: 0 solid, 1 dashed, 2 dotted, 3 dash-dotted, 4 long and short dashes, then again.
+    Pattern(u8),
+    /// A dark line of this pattern: several references in one plot.
+    Reference(u8),
+}
+
+impl Style {
+    fn has_markers(self) -> bool {
+        matches!(self, Self::Markers | Self::LineAndMarkers)
+    }
+
+    /// References stand apart from the computed curves by their ink, and lie above them.
+    fn is_reference(self) -> bool {
+        matches!(self, Self::Dashed | Self::Reference(_))
+    }
+
+    /// Width and pattern of the line, if there is one.
+    fn line(self) -> Option<(f64, Dash)> {
+        let pattern = |k: u8| PATTERNS[k as usize % PATTERNS.len()];
+        match self {
+            Self::Line => Some((3.5, None)),
+            Self::LineAndMarkers => Some((2.5, None)),
+            Self::Dashed => Some((2.5, Some(DASH))),
+            Self::Markers => None,
+            Self::Pattern(k) => Some((3.5, pattern(k))),
+            Self::Reference(k) => Some((2.5, pattern(k))),
+        }
+    }
+}
+
+/// Where the curves are named.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Legend {
+    /// Within the frame, where it hides the least.
+    #[default]
+    Inside,
+    /// Within the frame if it hides nothing there, else beside it.
+    Clear,
+    /// Nowhere.
+    None,
 }
 
 /// A curve.
@@ -148,6 +193,10 @@ pub struct Plot {
     pub curves: Vec<Curve>,
     /// Straight reference lines, drawn below the curves.
     pub references: Vec<ReferenceLine>,
+    /// Slopes shown by triangles between logarithmic axes.
+    pub slopes: Vec<f64>,
+    /// Where the curves are named.
+    pub legend: Legend,
     /// Width of the picture in pixels.
     pub width: usize,
     /// Height of the picture in pixels.
@@ -157,7 +206,8 @@ pub struct Plot {
 impl Plot {
     /// A plot of 1600 × 1000 pixels without curves.
     pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
-        Self { title: title.into(), x, y, curves: Vec::new(), references: Vec::new(), width: 1600, height: 1000 }
+        let (curves, references, slopes) = (Vec::new(), Vec::new(), Vec::new());
+        Self { title: title.into(), x, y, curves, references, slopes, legend: Legend::Inside, width: 1600, height: 1000 }
     }
 
     /// The same plot with one more curve.
@@ -194,8 +244,7 @@ impl Plot {
                 _ => {}
             }
         }
-        let with_markers = |curve: &Curve| matches!(curve.style, Style::Markers | Style::LineAndMarkers);
-        let x_margin = if self.curves.iter().any(with_markers) { 0.03 } else { 0.0 };
+        let x_margin = if self.curves.iter().any(|curve| curve.style.has_markers()) { 0.03 } else { 0.0 };
         let x_range = range_of(&self.x, &xs, x_margin).map_err(refuse)?;
         let y_range = range_of(&self.y, &ys, 0.06).map_err(refuse)?;
 
@@ -211,6 +260,18 @@ impl Plot {
             y_scale: self.y.scale,
         };
         frame.left = frame.left_margin();
+        let mut triangles = self.triangles(&frame);
+        let mut legend = self.place_legend(&frame, &shown, &triangles);
+        if let Some((place, hidden)) = &mut legend
+            && self.legend == Legend::Clear
+            && *hidden > 0
+        {
+            // never more than half of the picture
+            let room = place[2] - place[0];
+            frame.right = (width - room - 54.0).max(0.5 * width);
+            triangles = self.triangles(&frame);
+            *place = [frame.right + 30.0, frame.top, frame.right + 30.0 + room, frame.top + place[3] - place[1]];
+        }
         let mut canvas = Canvas::new(self.width, self.height);
         let size = fitting_size(&self.title, TITLE_SIZE, frame.right - frame.left);
         let corner = [frame.left, 44.0];
@@ -225,27 +286,29 @@ impl Plot {
             }
         }
         let mut colors = CURVES.iter().cycle();
-        let styles: Vec<(Rgb, Shape)> = self
+        let styles: Vec<(Rgb, Mark)> = self
             .curves
             .iter()
             .enumerate()
             .map(|(i, curve)| {
                 // References stand apart from the computed curves by their ink.
-                let color = match curve.style {
-                    Style::Dashed => INK,
-                    _ => *colors.next().unwrap_or(&INK),
-                };
-                (color, SHAPES[i % SHAPES.len()])
+                let color = if curve.style.is_reference() { INK } else { *colors.next().unwrap_or(&INK) };
+                (color, Mark { shape: SHAPES[i % SHAPES.len()], hollow: i / SHAPES.len() % 2 == 1 })
             })
             .collect();
         // Dashed references last: they stay visible on top of a curve that meets them.
-        let solid = |curve: &&Curve| curve.style != Style::Dashed;
+        let solid = |curve: &&Curve| !curve.style.is_reference();
         let order = |wanted: bool| self.curves.iter().zip(&styles).filter(move |(curve, _)| solid(curve) == wanted);
-        for (curve, &(color, shape)) in order(true).chain(order(false)) {
-            draw_curve(&mut canvas, &frame, curve, color, shape);
+        for (curve, &(color, mark)) in order(true).chain(order(false)) {
+            draw_curve(&mut canvas, &frame, curve, color, mark);
         }
         frame.draw_axes(&mut canvas, &self.x.heading(), &self.y.heading());
-        self.draw_legend(&mut canvas, &frame, &styles, &shown);
+        for triangle in &triangles {
+            triangle.draw(&mut canvas);
+        }
+        if let Some((place, _)) = legend {
+            self.draw_legend(&mut canvas, place, &styles);
+        }
         Ok(canvas)
     }
 
@@ -276,15 +339,15 @@ impl Plot {
         })
     }
 
-    fn draw_legend(&self, canvas: &mut Canvas, frame: &Frame, styles: &[(Rgb, Shape)], shown: &[[f64; 2]]) {
-        let entries: Vec<_> = self.curves.iter().zip(styles).filter(|(curve, _)| !curve.label.is_empty()).collect();
-        if entries.is_empty() {
-            return;
+    /// The box of the legend, and how much it hides; `None` without names.
+    fn place_legend(&self, frame: &Frame, shown: &[[f64; 2]], triangles: &[Triangle]) -> Option<([f64; 4], usize)> {
+        let labels: Vec<&str> = self.curves.iter().map(|curve| curve.label.as_str()).filter(|label| !label.is_empty()).collect();
+        if labels.is_empty() || self.legend == Legend::None {
+            return None;
         }
-        let (sample, line, pad) = (56.0, 36.0, 16.0);
-        let widest = entries.iter().map(|(curve, _)| text_width(&curve.label, TICK_SIZE)).fold(0.0, f64::max);
-        let width = pad + sample + 14.0 + widest + pad;
-        let height = 2.0 * pad + line * entries.len() as f64 - 6.0;
+        let widest = labels.iter().map(|label| text_width(label, TICK_SIZE)).fold(0.0, f64::max);
+        let width = 2.0 * LEGEND_PAD + LEGEND_SAMPLE + 14.0 + widest;
+        let height = 2.0 * LEGEND_PAD + LEGEND_LINE * labels.len() as f64 - 6.0;
         let gap = 18.0;
         let rights = [frame.right - gap - width, frame.left + gap];
         let middle = 0.5 * (frame.left + frame.right - width);
@@ -292,30 +355,86 @@ impl Plot {
         let places =
             [[rights[0], tops[0]], [rights[1], tops[0]], [rights[0], tops[1]], [rights[1], tops[1]], [middle, tops[0]], [middle, tops[1]]];
         // Where it hides the least.
-        let hidden = |place: &[f64; 2]| self.hidden_by(frame, *place, width, height, shown);
-        let counts: Vec<usize> = places.iter().map(hidden).collect();
-        let best = (0..places.len()).min_by_key(|&i| counts[i]).unwrap_or(0);
+        let counts = places.map(|place| {
+            let over = triangles.iter().filter(|t| overlap(t.room, [place[0], place[1], place[0] + width, place[1] + height])).count();
+            // a legend higher than the frame hides its marks
+            let beyond = usize::from(place[1] < frame.top || place[1] + height > frame.bottom || width > frame.right - frame.left);
+            self.hidden_by(frame, place, width, height, shown) + HIDDEN_NAME * (over + beyond)
+        });
+        let best = (0..places.len()).min_by_key(|&i| counts[i])?;
         let [left, top] = places[best];
-        let (right, bottom) = (left + width, top + height);
+        Some(([left, top, left + width, top + height], counts[best]))
+    }
+
+    fn draw_legend(&self, canvas: &mut Canvas, [left, top, right, bottom]: [f64; 4], styles: &[(Rgb, Mark)]) {
+        let entries = self.curves.iter().zip(styles).filter(|(curve, _)| !curve.label.is_empty());
         canvas.fill(left, top, right, bottom, WHITE, 0.88);
         let corners = [[left, top], [right, top], [right, bottom], [left, bottom], [left, top]];
         canvas.polyline(&corners, 1.0, [205, 208, 214], None);
-        for (i, (curve, (color, shape))) in entries.iter().enumerate() {
-            let y = top + pad + line * (i as f64 + 0.5) - 3.0;
-            let x = left + pad;
-            let ends = [[x, y], [x + sample, y]];
-            match curve.style {
-                Style::Line => canvas.polyline(&ends, 3.5, *color, None),
-                Style::Dashed => canvas.polyline(&ends, 2.5, *color, Some(DASH)),
-                Style::LineAndMarkers => canvas.polyline(&ends, 2.5, *color, None),
-                Style::Markers => {}
+        for (i, (curve, (color, mark))) in entries.enumerate() {
+            let y = top + LEGEND_PAD + LEGEND_LINE * (i as f64 + 0.5) - 3.0;
+            let x = left + LEGEND_PAD;
+            if let Some((width, dash)) = curve.style.line() {
+                canvas.polyline(&[[x, y], [x + LEGEND_SAMPLE, y]], width, *color, dash);
             }
-            if matches!(curve.style, Style::Markers | Style::LineAndMarkers) {
-                canvas.marker([x + 0.5 * sample, y], MARKER_SIZE, *shape, *color);
+            if curve.style.has_markers() {
+                mark.draw(canvas, [x + 0.5 * LEGEND_SAMPLE, y], *color);
             }
-            let place = [x + sample + 14.0, y];
+            let place = [x + LEGEND_SAMPLE + 14.0, y];
             canvas.text(place, &curve.label, TICK_SIZE, INK, Align::Left);
         }
+    }
+
+    /// Triangles that show slopes, near the curves but not on them.
+    fn triangles(&self, frame: &Frame) -> Vec<Triangle> {
+        if self.x.scale != Scale::Logarithmic || self.y.scale != Scale::Logarithmic {
+            return vec![];
+        }
+        let samples = self.samples(frame);
+        let (across, down) = (frame.right - frame.left, frame.bottom - frame.top);
+        let tilt = (down / (frame.y.1 / frame.y.0).ln()) / (across / (frame.x.1 / frame.x.0).ln());
+        let mut placed: Vec<Triangle> = vec![];
+        for &slope in self.slopes.iter().filter(|slope| slope.is_finite() && **slope != 0.0) {
+            let width = (0.14 * across).min(0.25 * down / (slope.abs() * tilt));
+            let height = width * slope.abs() * tilt;
+            let candidate = |i: usize, j: usize| {
+                let left = frame.left + 40.0 + (across - width - 100.0) * i as f64 / 40.0;
+                let bottom = frame.bottom - 44.0 - (down - height - 70.0) * j as f64 / 40.0;
+                Triangle::new(left, bottom, width, height, slope)
+            };
+            let cost = |t: &Triangle| {
+                let hidden = samples.iter().filter(|s| inside(**s, t.room)).count() as f64;
+                let taken = placed.iter().filter(|other| overlap(other.room, t.room)).count() as f64;
+                let middle = [0.5 * (t.room[0] + t.room[2]), 0.5 * (t.room[1] + t.room[3])];
+                let near = samples.iter().map(|s| (s[0] - middle[0]).hypot(s[1] - middle[1])).fold(f64::INFINITY, f64::min);
+                1e4 * (hidden + 100.0 * taken) + near
+            };
+            let all = (0..=40).flat_map(|i| (0..=40).map(move |j| (i, j))).map(|(i, j)| candidate(i, j));
+            if let Some((_, best)) = all.map(|t| (cost(&t), t)).min_by(|a, b| a.0.total_cmp(&b.0)) {
+                placed.push(best);
+            }
+        }
+        placed
+    }
+
+    /// Pixels on the curves within the frame, about ten apart.
+    fn samples(&self, frame: &Frame) -> Vec<[f64; 2]> {
+        let bounds = [frame.left, frame.top, frame.right, frame.bottom];
+        let mut samples = vec![];
+        for curve in &self.curves {
+            let places: Vec<[f64; 2]> = curve.points.iter().map(|p| frame.place(*p)).collect();
+            samples.extend(places.iter().copied());
+            if curve.style.line().is_some() {
+                for pair in places.windows(2) {
+                    let length = (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
+                    let count = if length.is_finite() { ((length / 10.0) as usize).min(200) } else { 0 };
+                    let at = |k: usize, t: f64| pair[0][k] + t * (pair[1][k] - pair[0][k]);
+                    samples.extend((1..count).map(|i| i as f64 / count as f64).map(|t| [at(0, t), at(1, t)]));
+                }
+            }
+        }
+        samples.retain(|s| inside(*s, bounds));
+        samples
     }
 
     /// How much of the curves a legend at a place would hide: points, and samples between them.
@@ -353,6 +472,74 @@ impl Plot {
 
 /// The name of a reference line weighs as much as this many points of a curve.
 const HIDDEN_NAME: usize = 100;
+
+// Room in a legend, in pixels.
+const LEGEND_PAD: f64 = 16.0;
+const LEGEND_SAMPLE: f64 = 64.0;
+const LEGEND_LINE: f64 = 36.0;
+
+/// Whether a pixel lies in a box of left, top, right, bottom.
+fn inside(p: [f64; 2], [left, top, right, bottom]: [f64; 4]) -> bool {
+    p[0] > left && p[0] < right && p[1] > top && p[1] < bottom
+}
+
+/// Whether two boxes have a part in common.
+fn overlap(a: [f64; 4], b: [f64; 4]) -> bool {
+    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+}
+
+/// A right triangle whose hypotenuse has a slope.
+struct Triangle {
+    /// Both ends of the hypotenuse, and the right angle.
+    corners: [[f64; 2]; 3],
+    slope: f64,
+    /// Left, top, right, bottom with the numbers.
+    room: [f64; 4],
+}
+
+impl Triangle {
+    fn new(left: f64, bottom: f64, width: f64, height: f64, slope: f64) -> Self {
+        let (right, top) = (left + width, bottom - height);
+        let text = text_width(&number(slope.abs(), 3), TICK_SIZE) + 16.0;
+        // the vertical leg stands where the slope is seen from below
+        let (corners, room) = if slope > 0.0 {
+            ([[left, bottom], [right, top], [right, bottom]], [left - 8.0, top - 12.0, right + text, bottom + SLOPE_ROOM])
+        } else {
+            ([[left, top], [right, bottom], [left, bottom]], [left - text, top - 12.0, right + 8.0, bottom + SLOPE_ROOM])
+        };
+        Self { corners, slope, room }
+    }
+
+    fn draw(&self, canvas: &mut Canvas) {
+        let [a, b, c] = self.corners;
+        canvas.polyline(&[a, b, c, a], 2.0, INK, None);
+        canvas.text([0.5 * (a[0] + b[0]), c[1] + 18.0], "1", TICK_SIZE, INK, Align::Center);
+        let middle = 0.5 * (a[1] + b[1]);
+        let text = number(self.slope.abs(), 3);
+        if self.slope > 0.0 {
+            canvas.text([c[0] + 10.0, middle], &text, TICK_SIZE, INK, Align::Left);
+        } else {
+            canvas.text([c[0] - 10.0, middle], &text, TICK_SIZE, INK, Align::Right);
+        }
+    }
+}
+
+/// A marker.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Mark {
+    pub shape: Shape,
+    /// Whether only its outline is drawn.
+    pub hollow: bool,
+}
+
+impl Mark {
+    fn draw(self, canvas: &mut Canvas, place: [f64; 2], color: Rgb) {
+        canvas.marker(place, MARKER_SIZE, self.shape, color);
+        if self.hollow {
+            canvas.marker(place, 0.4 * MARKER_SIZE, self.shape, WHITE);
+        }
+    }
+}
 
 const SHAPES: [Shape; 4] = [Shape::Circle, Shape::Square, Shape::Triangle, Shape::Diamond];
 
@@ -569,20 +756,14 @@ fn place_reference<'a>(frame: &Frame, reference: &'a ReferenceLine) -> Option<Pl
 }
 
 /// Draws a curve, cut at the frame.
-pub(crate) fn draw_curve(canvas: &mut Canvas, frame: &Frame, curve: &Curve, color: Rgb, shape: Shape) {
+pub(crate) fn draw_curve(canvas: &mut Canvas, frame: &Frame, curve: &Curve, color: Rgb, mark: Mark) {
     let places: Vec<[f64; 2]> = curve.points.iter().map(|p| frame.place(*p)).collect();
-    let (width, dash) = match curve.style {
-        Style::Line => (3.5, None),
-        Style::LineAndMarkers => (2.5, None),
-        Style::Dashed => (2.5, Some(DASH)),
-        Style::Markers => (0.0, None),
-    };
-    if curve.style != Style::Markers {
+    if let Some((width, dash)) = curve.style.line() {
         for run in clipped_runs(&places, frame) {
             canvas.polyline(&run, width, color, dash);
         }
     }
-    if matches!(curve.style, Style::Markers | Style::LineAndMarkers) {
+    if curve.style.has_markers() {
         let slack = 0.5;
         for place in places {
             let inside = place[0] >= frame.left - slack
@@ -590,7 +771,7 @@ pub(crate) fn draw_curve(canvas: &mut Canvas, frame: &Frame, curve: &Curve, colo
                 && place[1] >= frame.top - slack
                 && place[1] <= frame.bottom + slack;
             if inside {
-                canvas.marker(place, MARKER_SIZE, shape, color);
+                mark.draw(canvas, place, color);
             }
         }
     }

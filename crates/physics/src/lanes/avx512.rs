@@ -158,6 +158,18 @@ impl InstructionSet for Avx512 {
         w(unsafe { _mm512_maskz_mov_pd(bits, m(a)) })
     }
     #[inline(always)]
+    fn long(f: impl FnOnce() -> Eight) -> Eight {
+        f()
+    }
+    #[inline(always)]
+    fn split(a: Eight) -> (Eight, Eight) {
+        unsafe { (w(_mm512_getmant_pd::<_MM_MANT_NORM_1_2, _MM_MANT_SIGN_NAN>(m(a))), w(_mm512_getexp_pd(m(a)))) }
+    }
+    #[inline(always)]
+    fn scale(a: Eight, n: Eight) -> Eight {
+        w(unsafe { _mm512_scalef_pd(m(a), m(n)) })
+    }
+    #[inline(always)]
     fn rows(data: &[f64], j: Points) -> [Eight; ROW] {
         check(data, j);
         let p = data.as_ptr();

@@ -63,6 +63,15 @@ pub const fn monomial_count(d: usize, order: usize) -> usize {
     count - 1
 }
 
+/// Number of monomials of whole degrees that `m` entries hold.
+const fn whole_degrees(d: usize, m: usize) -> usize {
+    let mut order = 0;
+    while monomial_count(d, order + 1) <= m {
+        order += 1;
+    }
+    monomial_count(d, order)
+}
+
 /// Largest order of a dimension.
 pub const LARGEST_ORDER: [usize; 3] = [10, 4, 3];
 
@@ -85,9 +94,7 @@ fn monomials<S: Scalar, const D: usize, const M: usize>(s: Vector<S, D>, used: u
     let (mut at, mut before, mut size) = (0, 0, 0);
     while at < used {
         if size == 0 {
-            for k in 0..D {
-                p[k] = s.0[k];
-            }
+            p[..D].copy_from_slice(&s.0);
             (at, size) = (D, D);
             continue;
         }
@@ -123,6 +130,10 @@ const fn triangular_root(size: usize) -> usize {
     }
     n
 }
+
+/// Largest ∫ |g||ξ| dV′, by which a correction of order N multiplies what bonds do at random, over the 2ᴺ of N points on one side.
+/// Families that would need more have a lower order.
+pub const LARGEST_AMPLIFICATION: f64 = 2.0;
 
 /// What the reference family decides.
 #[derive(Clone, Copy, Debug)]
@@ -180,8 +191,7 @@ fn solve<const D: usize, const M: usize>(bonds: &[(Vector<f64, D>, f64)], order:
             }
         }
         let left = norm(&q);
-        // written so that a NaN stops here
-        if !(left > DEPENDENT * before) {
+        if left.is_nan() || left <= DEPENDENT * before {
             break;
         }
         r[k][k] = left;
@@ -189,25 +199,40 @@ fn solve<const D: usize, const M: usize>(bonds: &[(Vector<f64, D>, f64)], order:
         independent = k + 1;
     }
     // in one dimension n neighbours support order n; in more a degree counts when all its monomials are there
-    let order = (0..=order).rev().find(|&n| used_at(n) <= independent).unwrap_or(0);
-    let n = used_at(order);
-    let mut coefficients = [[0.0; M]; D];
-    if order == 0 {
-        return (coefficients, 0);
-    }
-    for (d, c) in coefficients.iter_mut().enumerate() {
-        // Rᵀ y = e_d, then R c = y
-        let mut y = [0.0; M];
-        for k in 0..n {
-            let known: f64 = (0..k).map(|l| r[l][k] * y[l]).sum();
-            y[k] = (f64::from(u8::from(k == d)) - known) / r[k][k];
+    for order in (1..=order).rev().filter(|&n| used_at(n) <= independent) {
+        let n = used_at(order);
+        let mut coefficients = [[0.0; M]; D];
+        for (d, c) in coefficients.iter_mut().enumerate() {
+            let unit = |k: usize| f64::from(u8::from(k == d));
+            // the later rounds remove the round-off of the first from the moments
+            for round in 0..3 {
+                let mut missing: [f64; M] = array(unit);
+                if round > 0 {
+                    for row in &rows {
+                        let along: f64 = (0..n).map(|k| row[k] * c[k]).sum();
+                        (0..n).for_each(|k| missing[k] -= row[k] * along);
+                    }
+                }
+                // Rᵀ y = e_d, then R c = y
+                let mut y = [0.0; M];
+                for k in 0..n {
+                    let known: f64 = (0..k).map(|l| r[l][k] * y[l]).sum();
+                    y[k] = (missing[k] - known) / r[k][k];
+                }
+                let mut more = [0.0; M];
+                for k in (0..n).rev() {
+                    let known: f64 = (k + 1..n).map(|l| r[k][l] * more[l]).sum();
+                    more[k] = (y[k] - known) / r[k][k];
+                    c[k] += more[k];
+                }
+            }
         }
-        for k in (0..n).rev() {
-            let known: f64 = (k + 1..n).map(|l| r[k][l] * c[l]).sum();
-            c[k] = (y[k] - known) / r[k][k];
+        let amplification: f64 = bonds.iter().map(|(s, w)| w * weight(&coefficients, 1.0, n, *s).norm() * s.norm()).sum();
+        if amplification <= LARGEST_AMPLIFICATION * f64::powi(2.0, order as i32) {
+            return (coefficients, order);
         }
     }
-    (coefficients, order)
+    ([[0.0; M]; D], 0)
 }
 
 impl<L, Z, I: Influence, const M: usize> CorrectedCorrespondence<L, Z, I, M> {
@@ -234,12 +259,13 @@ impl<L, Z, I: Influence, const M: usize> CorrectedCorrespondence<L, Z, I, M> {
         )
     }
     #[inline(always)]
-    fn deformation<S: Scalar, A: Copy, const D: usize>(
+    fn deformation<'a, S: Scalar, A: Copy, const D: usize>(
         &self,
         rate: bool,
+        words: usize,
         shape: &CorrectedShape<A, D, M>,
-        h: Family<S, D>,
-    ) -> (Deformation<S::Sum, D>, Matrix<S::Sum, D>) {
+        h: Family<'a, S, D>,
+    ) -> (Deformation<'a, S::Sum, D>, Matrix<S::Sum, D>) {
         let (gradient, moment) = self.gradient(
             shape,
             h,
@@ -257,11 +283,12 @@ impl<L, Z, I: Influence, const M: usize> CorrectedCorrespondence<L, Z, I, M> {
         } else {
             Matrix::zero()
         };
-        (Deformation { gradient, rate, temperature: h.temperature(), time: h.time() }, moment)
+        (Deformation { gradient, rate, temperature: h.temperature(), time: h.time(), memory: h.history(words) }, moment)
     }
 }
 
 impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Material<D> for CorrectedCorrespondence<L, Z, I, M> {
+    const MEMORY: usize = L::MEMORY;
     const RATE: bool = L::RATE;
     const CONSERVATIVE: bool = L::HYPERELASTIC;
     const STORED_INFLUENCE: bool = I::STORED;
@@ -288,7 +315,7 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
     }
     #[inline(always)]
     fn state<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
-        let (f, moment) = self.deformation(L::RATE, shape, h);
+        let (f, moment) = self.deformation(L::RATE, L::MEMORY, shape, h);
         let p = self.law.first_piola(c, &f);
         // ∫ ω z ⊗ ξ dV′
         let rest = moment - f.gradient * shape.tensor.to();
@@ -309,17 +336,22 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
             || b.eta(),
         );
         // coefficients of monomials that are not in use are zero
-        (*q * weight(coefficients, *scale, M, xi) + *less_ah * xi + control) * self.omega.at(b)
+        (*q * weight(coefficients, *scale, const { whole_degrees(D, M) }, xi) + *less_ah * xi + control) * self.omega.at(b)
     }
     #[inline(always)]
     fn energy_density<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> S::Sum {
-        let (f, _) = self.deformation(L::RATE, shape, h);
+        let (f, _) = self.deformation(L::RATE, L::MEMORY, shape, h);
         let gradient: Matrix<S, D> = lift::<S, _, _>(&f.gradient);
         let control = h.integrate(
             #[inline(always)]
             |b| self.control.energy::<S>(&shape.control, b.eta() - gradient * b.xi()) * self.omega.at(b),
         );
         self.law.energy(c, &f) + control
+    }
+    fn commit(&self, c: &L::Constants, shape: &Self::Shape, h: Family<f64, D>, point: &mut [f64], _: &mut [&mut [f64]]) {
+        if L::MEMORY > 0 {
+            self.law.commit(c, &self.deformation(L::RATE, L::MEMORY, shape, h).0, point);
+        }
     }
     fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
         self.law.stiffness(c).out_of_plane_stress(s)

@@ -59,7 +59,13 @@ impl<L, Z, I: Influence> Correspondence<L, Z, I> {
     }
     /// What the law sees.
     #[inline(always)]
-    fn deformation<S: Scalar, const D: usize>(&self, rate: bool, inverse: &Matrix<f64, D>, h: Family<S, D>) -> Deformation<S::Sum, D> {
+    fn deformation<'a, S: Scalar, const D: usize>(
+        &self,
+        rate: bool,
+        words: usize,
+        inverse: &Matrix<f64, D>,
+        h: Family<'a, S, D>,
+    ) -> Deformation<'a, S::Sum, D> {
         let rate = if rate && h.has_velocity() {
             h.integrate(
                 #[inline(always)]
@@ -68,11 +74,12 @@ impl<L, Z, I: Influence> Correspondence<L, Z, I> {
         } else {
             Matrix::zero()
         };
-        Deformation { gradient: self.gradient(inverse, h), rate, temperature: h.temperature(), time: h.time() }
+        Deformation { gradient: self.gradient(inverse, h), rate, temperature: h.temperature(), time: h.time(), memory: h.history(words) }
     }
 }
 
 impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Correspondence<L, Z, I> {
+    const MEMORY: usize = L::MEMORY;
     const RATE: bool = L::RATE;
     const CONSERVATIVE: bool = L::HYPERELASTIC;
     const STORED_INFLUENCE: bool = I::STORED;
@@ -92,7 +99,7 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
     }
     #[inline(always)]
     fn state<S: Scalar>(&self, c: &L::Constants, (inverse, a): &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
-        let f = self.deformation(L::RATE, inverse, h);
+        let f = self.deformation(L::RATE, L::MEMORY, inverse, h);
         let p = self.law.first_piola(c, &f);
         self.control.state(a, p * inverse.to(), &f.gradient)
     }
@@ -107,13 +114,18 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
     }
     #[inline(always)]
     fn energy_density<S: Scalar>(&self, c: &L::Constants, (inverse, a): &Self::Shape, h: Family<S, D>) -> S::Sum {
-        let f = self.deformation(L::RATE, inverse, h);
+        let f = self.deformation(L::RATE, L::MEMORY, inverse, h);
         let gradient: Matrix<S, D> = lift::<S, _, _>(&f.gradient);
         let control = h.integrate(
             #[inline(always)]
             |b| self.control.energy::<S>(a, b.eta() - gradient * b.xi()) * self.omega.at(b),
         );
         self.law.energy(c, &f) + control
+    }
+    fn commit(&self, c: &L::Constants, (inverse, _): &Self::Shape, h: Family<f64, D>, point: &mut [f64], _: &mut [&mut [f64]]) {
+        if L::MEMORY > 0 {
+            self.law.commit(c, &self.deformation(L::RATE, L::MEMORY, inverse, h), point);
+        }
     }
     fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
         self.law.stiffness(c).out_of_plane_stress(s)

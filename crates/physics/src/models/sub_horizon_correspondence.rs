@@ -4,6 +4,7 @@ use crate::family::{Bond, Family, Reference};
 use crate::influence::Influence;
 use crate::material::{Material, SingularFamily};
 use crate::scalar::{Scalar, array};
+use crate::sub_horizon::WELL_SHAPED;
 use crate::tensor::{Linear, Matrix, Vector};
 
 /// What becomes of a sub-horizon whose bonds have no regular shape tensor: near a surface, or behind a crack.
@@ -104,12 +105,14 @@ impl<L, I: Influence, const N: usize> SubHorizonCorrespondence<L, I, N> {
     }
     /// What the law sees in sub-horizon `k`.
     #[inline(always)]
-    fn deformations<S: Scalar, const D: usize>(
+    fn deformations<'a, S: Scalar, const D: usize>(
         &self,
         rate: bool,
+        words: usize,
         shape: &SubHorizonShape<D, N>,
-        h: Family<S, D>,
-    ) -> [Deformation<S::Sum, D>; N] {
+        h: Family<'a, S, D>,
+    ) -> [Deformation<'a, S::Sum, D>; N] {
+        let history = h.history(N * words);
         let gradient = self.gradients(
             shape,
             h,
@@ -128,12 +131,20 @@ impl<L, I: Influence, const N: usize> SubHorizonCorrespondence<L, I, N> {
         };
         array(
             #[inline(always)]
-            |k| Deformation { gradient: gradient[k], rate: rate[k], temperature: h.temperature(), time: h.time() },
+            |k| Deformation {
+                gradient: gradient[k],
+                rate: rate[k],
+                temperature: h.temperature(),
+                time: h.time(),
+                memory: &history[k * words..(k + 1) * words],
+            },
         )
     }
 }
 
 impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for SubHorizonCorrespondence<L, I, N> {
+    /// Each sub-horizon keeps a history of its own.
+    const MEMORY: usize = N * L::MEMORY;
     const RATE: bool = L::RATE;
     const CONSERVATIVE: bool = L::HYPERELASTIC;
     const STORED_INFLUENCE: bool = I::STORED;
@@ -148,7 +159,7 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
         for k in 0..N {
             let tensor: Matrix<f64, D> =
                 h.integrate(|b| if b.belongs_to(k) { b.xi().outer(b.xi()) * self.omega.at(b) } else { Matrix::zero() });
-            if let Some(inverse) = tensor.inverse_if_regular(FLAT_FAMILY) {
+            if let Some(inverse) = tensor.inverse_if_regular(WELL_SHAPED) {
                 shape.inverse[k] = inverse;
                 shape.regular |= 1 << k;
             }
@@ -170,7 +181,7 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
     }
     #[inline(always)]
     fn state<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
-        let f = self.deformations(L::RATE, shape, h);
+        let f = self.deformations(L::RATE, L::MEMORY, shape, h);
         let q = array(
             #[inline(always)]
             |k| {
@@ -199,7 +210,7 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
     }
     #[inline(always)]
     fn energy_density<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> S::Sum {
-        let f = self.deformations(L::RATE, shape, h);
+        let f = self.deformations(L::RATE, L::MEMORY, shape, h);
         let mut w = S::Sum::of(0.0);
         for k in 0..N {
             if shape.regular >> k & 1 == 1 {
@@ -207,6 +218,16 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
             }
         }
         w
+    }
+    fn commit(&self, c: &L::Constants, shape: &Self::Shape, h: Family<f64, D>, point: &mut [f64], _: &mut [&mut [f64]]) {
+        if L::MEMORY == 0 {
+            return;
+        }
+        for (k, f) in self.deformations(L::RATE, L::MEMORY, shape, h).iter().enumerate() {
+            if shape.regular >> k & 1 == 1 {
+                self.law.commit(c, f, &mut point[k * L::MEMORY..(k + 1) * L::MEMORY]);
+            }
+        }
     }
     fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
         self.law.stiffness(c).out_of_plane_stress(s)

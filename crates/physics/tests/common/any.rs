@@ -3,8 +3,8 @@
 //! inside are those of the crate, untouched.
 
 use physics::constitutive::{
-    Almansi, Deformation, FromCauchy, KelvinVoigt, KelvinVoigtConstants, Law, LinearElastic, NeoHookean, NeoHookeanConstants,
-    SaintVenantKirchhoff,
+    Almansi, Deformation, FromCauchy, J2Plasticity, J2PlasticityConstants, KelvinVoigt, KelvinVoigtConstants, Law, LinearElastic,
+    NeoHookean, NeoHookeanConstants, SaintVenantKirchhoff, Strain, StrainLaw,
 };
 use physics::elasticity::{Isotropic, Section, Stiffness};
 use physics::scalar::Scalar;
@@ -48,7 +48,7 @@ impl<const D: usize> Law<D> for AnyLaw {
     type Constants = Any<D>;
     fn stiffness(&self, c: &Any<D>) -> Stiffness<D> {
         match c {
-            Any::Linear(c) => LinearElastic.stiffness(c),
+            Any::Linear(c) => Law::stiffness(&LinearElastic, c),
             Any::SaintVenantKirchhoff(c) => SaintVenantKirchhoff.stiffness(c),
             Any::NeoHookean(c) => NeoHookean.stiffness(c),
             Any::KelvinVoigt(c) => KelvinVoigt.stiffness(c),
@@ -68,7 +68,7 @@ impl<const D: usize> Law<D> for AnyLaw {
     #[inline(never)]
     fn energy<R: Scalar>(&self, c: &Any<D>, f: &Deformation<R, D>) -> R {
         match c {
-            Any::Linear(c) => LinearElastic.energy(c, f),
+            Any::Linear(c) => Law::energy(&LinearElastic, c, f),
             Any::SaintVenantKirchhoff(c) => SaintVenantKirchhoff.energy(c, f),
             Any::NeoHookean(c) => NeoHookean.energy(c, f),
             Any::KelvinVoigt(c) => KelvinVoigt.energy(c, f),
@@ -132,6 +132,49 @@ impl StretchLaw for AnyStretchLaw {
             AnyStretchLaw::Bilinear(g) => g.commit(s, memory),
             AnyStretchLaw::ElasticPlastic(g) => g.commit(s, memory),
             AnyStretchLaw::Tabulated(g) => g.commit(s, memory),
+        }
+    }
+}
+
+/// Any law of the strain.
+#[derive(Clone, Copy)]
+pub struct AnyStrainLaw;
+
+/// Which law of the strain, with its constants.
+#[derive(Clone, Copy)]
+// constants are plain data: no box
+#[allow(clippy::large_enum_variant)]
+pub enum AnyStrainConstants<const D: usize> {
+    Linear(Stiffness<D>),
+    Plastic(J2PlasticityConstants),
+}
+
+impl<const D: usize> StrainLaw<D> for AnyStrainLaw {
+    const MEMORY: usize = <J2Plasticity as StrainLaw<D>>::MEMORY;
+    type Constants = AnyStrainConstants<D>;
+    fn stiffness(&self, c: &Self::Constants) -> Stiffness<D> {
+        match c {
+            AnyStrainConstants::Linear(c) => *c,
+            AnyStrainConstants::Plastic(c) => StrainLaw::<D>::stiffness(&J2Plasticity, c),
+        }
+    }
+    #[inline(never)]
+    fn stress<R: Scalar>(&self, c: &Self::Constants, e: &Strain<R, D>) -> Matrix<R, D> {
+        match c {
+            AnyStrainConstants::Linear(c) => LinearElastic.stress(c, e),
+            AnyStrainConstants::Plastic(c) => J2Plasticity.stress(c, e),
+        }
+    }
+    #[inline(never)]
+    fn energy<R: Scalar>(&self, c: &Self::Constants, e: &Strain<R, D>) -> R {
+        match c {
+            AnyStrainConstants::Linear(c) => StrainLaw::energy(&LinearElastic, c, e),
+            AnyStrainConstants::Plastic(c) => J2Plasticity.energy(c, e),
+        }
+    }
+    fn commit(&self, c: &Self::Constants, e: &Strain<f64, D>, memory: &mut [f64]) {
+        if let AnyStrainConstants::Plastic(c) = c {
+            J2Plasticity.commit(c, e, memory);
         }
     }
 }

@@ -149,9 +149,11 @@ impl<const D: usize> Body<D> {
         let blocks = self.neighbor.len() / 8;
         self.membership = vec![0; planes * blocks];
         for i in 0..self.families() {
+            // padding repeats the last bond: it belongs to the lanes, not to the family
+            let own: Vec<usize> = self.slots(i).filter(|&s| (self.whole[s / 8] >> (s % 8)) & 1 == 1).collect();
             let bonds: Vec<(Vector<f64, D>, f64)> =
-                self.slots(i).map(|s| (Vector(self.xi(i, s)), self.volume(self.neighbor[s] as usize))).collect();
-            for (slot, sets) in self.slots(i).zip(partition.membership(&bonds, self.horizon[i])) {
+                own.iter().map(|&s| (Vector(self.xi(i, s)), self.volume(self.neighbor[s] as usize))).collect();
+            for (slot, sets) in own.into_iter().zip(partition.membership(&bonds, self.horizon[i])) {
                 for k in 0..planes {
                     self.membership[k * blocks + slot / 8] |= (sets >> k & 1) << (slot % 8);
                 }
@@ -202,6 +204,13 @@ impl<const D: usize> Body<D> {
                 }
             }
         }
+        self
+    }
+
+    /// Words of history a point, all zeros: those of the undeformed body.
+    pub fn with_point_history(mut self, words: usize) -> Self {
+        self.memory_words = words;
+        self.memory = vec![0.0; words * self.families()];
         self
     }
 
@@ -441,12 +450,15 @@ where
     }
     fn commit(&self, body: &mut Body<D>, u: &[f64]) {
         let shapes = self.shapes(body);
+        let mut memory = body.memory.clone();
         let mut words: Vec<Vec<f64>> = body.bond_memory.chunks(body.neighbor.len()).map(<[f64]>::to_vec).collect();
         for (i, shape) in shapes.iter().enumerate() {
             let slots = body.slots(i);
             let mut bonds: Vec<&mut [f64]> = words.iter_mut().map(|w| &mut w[slots.clone()]).collect();
-            self.0.commit(&self.1, shape, Family::new(&body.view(u), i), &mut [], &mut bonds);
+            let point = &mut memory[i * body.memory_words..][..M::MEMORY];
+            self.0.commit(&self.1, shape, Family::new(&body.view(u), i), point, &mut bonds);
         }
+        body.memory = memory;
         body.bond_memory = words.concat();
     }
 }

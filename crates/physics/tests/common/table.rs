@@ -1,13 +1,19 @@
 //! The one table of models, laws, controls, sections and influences that every test of the contract asks.
 
-use super::any::{AnyConstants as Any, AnyLaw, AnyStretchLaw as Stretch};
+use super::any::{AnyConstants as Any, AnyLaw, AnyStrainConstants as AnyStrain, AnyStrainLaw, AnyStretchLaw as Stretch};
 use super::closed::{self, Local};
 use super::{Case, Model};
-use physics::constitutive::{KelvinVoigtConstants, NeoHookeanConstants};
+use physics::constitutive::{
+    J2Plasticity, J2PlasticityConstants, KelvinVoigtConstants, NeoHookeanConstants, OfStrain, OfStrainConstants, StrainLaw, StrainMeasure,
+};
 use physics::elasticity::{Isotropic, Section, Stiffness};
 use physics::influence::{Influence, One, Stored};
-use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
+use physics::models::{
+    BondBased, BondBasedConstants, BondStrainCalibration, CorrectedCorrespondence, Correspondence, EmptySubHorizon, ExtendedCorrespondence,
+    LinearPeridynamicSolid, LinearPeridynamicSolidConstants, SethHill, SubHorizonCorrespondence,
+};
 use physics::stretch_law::{Bilinear, ElasticPlastic, Tabulated};
+use physics::sub_horizon::Partition;
 use physics::zero_energy::{self, Control, NoControl, Wan2019};
 
 /// E = 200 GPa, ν = 0.3.
@@ -44,6 +50,14 @@ pub struct Row<const D: usize> {
     pub conservative: bool,
     /// Words of history a bond keeps.
     pub words: usize,
+    /// How families are divided, and the number of sub-horizons that are stored.
+    pub partition: Option<(Partition, usize)>,
+    /// How much larger than their sum the terms of a gradient may be: its round-off is larger by as much.
+    pub amplification: f64,
+    /// Words of history a point keeps.
+    pub point_words: usize,
+    /// Whether a commit writes to the history of the points.
+    pub remembers: bool,
 }
 
 /// The sections of a dimension.
@@ -89,6 +103,18 @@ pub fn rows<const D: usize>() -> Vec<Row<D>> {
         let viscous = KelvinVoigtConstants { stiffness: iso, retardation_time: RETARDATION };
         law(&mut t, section, "Kelvin–Voigt", Any::KelvinVoigt(viscous), small, Some(local(Kind::Linear)));
         law(&mut t, section, "Almansi", Any::Almansi((STEEL, section)), finite, None);
+        for (name, c, rotation, local) in [
+            ("orthotropic", Any::Linear(timber), small, wood.linear(section)),
+            ("Saint-Venant–Kirchhoff", Any::SaintVenantKirchhoff(iso), finite, local(Kind::SaintVenantKirchhoff)),
+            ("neo-Hookean", Any::NeoHookean(soft), finite, local(Kind::NeoHookean)),
+            ("Kelvin–Voigt", Any::KelvinVoigt(viscous), small, local(Kind::Linear)),
+        ] {
+            divided(&mut t, section, name, c, rotation, &local);
+            // weights of both signs amplify the noise of the test's deformations until J < 0, where this law ends
+            if name != "neo-Hookean" {
+                higher_order(&mut t, section, name, c, rotation, &local);
+            }
+        }
         bonds(&mut t, section, "elastic", Stretch::Elastic);
         bonds(&mut t, section, "tension only", Stretch::TensionOnly);
         bonds(&mut t, section, "bilinear", Stretch::Bilinear(Bilinear { peak: 0.04, failure: 0.12 }));
@@ -98,8 +124,85 @@ pub fn rows<const D: usize>() -> Vec<Row<D>> {
             solid(&mut t, section, One);
             solid(&mut t, section, Stored);
         }
+        plastic(&mut t, section, "small strain", StrainMeasure::Small, small);
+        plastic(&mut t, section, "logarithmic strain", StrainMeasure::Logarithmic, finite);
+        for m in [-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 0.7] {
+            for published in [false, true] {
+                for strength in [0.0, 0.8] {
+                    extended(&mut t, section, "linear elastic", AnyStrain::Linear(iso), m, published, strength);
+                }
+            }
+            extended(&mut t, section, "orthotropic", AnyStrain::Linear(timber), m, false, 0.8);
+            extended(&mut t, section, "J2 plastic", AnyStrain::Plastic(soft_metal(section)), m, false, 0.8);
+        }
     }
     t
+}
+
+/// Yields at strains of a few per cent, as the bodies of the tests have them.
+fn soft_metal(section: Section) -> J2PlasticityConstants {
+    J2PlasticityConstants::new(STEEL, 0.02 * STEEL.young, 0.1 * STEEL.young, EXPANSION, section).expect("a material")
+}
+
+/// Correspondence with J2 plasticity.
+fn plastic<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, measure: StrainMeasure, rotation: Rotation) {
+    let model =
+        Correspondence { law: OfStrain(J2Plasticity), control: zero_energy::Isotropic::Silling2017 { strength: 0.7 }, omega: Stored };
+    let c = OfStrainConstants { measure, law: soft_metal(section) };
+    t.push(Row {
+        name: format!("correspondence, J2 plastic, {name}, Silling2017, {}, stored influence", section_name(section)),
+        section,
+        rotation,
+        conservative: true,
+        words: 0,
+        amplification: 1.0,
+        point_words: <J2Plasticity as StrainLaw<D>>::MEMORY,
+        remembers: true,
+        thermal: true,
+        viscous: false,
+        partition: None,
+        local: None,
+        model: Box::new(Case(model, c)),
+    });
+    if const { D == 2 } {
+        let (law, empty) = (OfStrain(J2Plasticity), EmptySubHorizon::Renormalise);
+        t.push(Row {
+            name: format!("sub-horizons (four), J2 plastic, {name}, {}", section_name(section)),
+            section,
+            rotation,
+            conservative: true,
+            words: 0,
+            amplification: 1.0,
+            point_words: 4 * <J2Plasticity as StrainLaw<D>>::MEMORY,
+            remembers: true,
+            thermal: true,
+            viscous: false,
+            partition: Some((Partition::Orthants, 4)),
+            local: None,
+            model: Box::new(Case(SubHorizonCorrespondence::<_, _, 4> { law, omega: Stored, empty }, c)),
+        });
+    }
+}
+
+fn extended<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, c: AnyStrain<D>, m: f64, published: bool, control: f64) {
+    let calibration = if published { BondStrainCalibration::AsPublished } else { BondStrainCalibration::MomentTensor };
+    let exponent = SethHill::new(m).expect("a moderate exponent");
+    let model = ExtendedCorrespondence { law: AnyStrainLaw, exponent, calibration, control, omega: Stored };
+    t.push(Row {
+        name: format!("extended correspondence, {name}, m = {m}, {calibration:?}, control {control}, {}", section_name(section)),
+        section,
+        rotation: Rotation::Objective,
+        conservative: true,
+        words: 0,
+        amplification: 1.0,
+        point_words: <J2Plasticity as StrainLaw<D>>::MEMORY,
+        remembers: matches!(c, AnyStrain::Plastic(_)),
+        thermal: true,
+        viscous: false,
+        partition: None,
+        local: None,
+        model: Box::new(Case(model, c)),
+    });
 }
 
 /// A law with every control.
@@ -144,12 +247,79 @@ fn correspondence<Z: Control<D>, I: Influence, const D: usize>(
         rotation,
         conservative: hyperelastic,
         words: 0,
+        amplification: 1.0,
+        point_words: 0,
+        remembers: false,
         // a law known by its Cauchy stress has no thermal strain
         thermal: hyperelastic,
         viscous,
+        partition: None,
         local,
         model: Box::new(Case(model, c)),
     });
+}
+
+/// A law on sub-horizons: with half-lines, quadrants or octants, with empty ones that carry no energy, and with as many as each family
+/// can carry.
+fn divided<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, c: Any<D>, rotation: Rotation, local: &Local<D>) {
+    let (viscous, hyperelastic) = c.constants_of_the_law();
+    let mut row = |what: &str, partition, planes, model: Box<dyn Model<D>>, local: Option<Local<D>>| {
+        let thermal = hyperelastic && local.is_some();
+        t.push(Row {
+            name: format!("sub-horizons ({what}), {name}, {}", section_name(section)),
+            section,
+            rotation,
+            conservative: hyperelastic,
+            words: 0,
+            amplification: 1.0,
+            point_words: 0,
+            remembers: false,
+            thermal,
+            viscous,
+            partition: Some((partition, planes)),
+            local,
+            model,
+        });
+    };
+    let eight = |empty| Box::new(Case(SubHorizonCorrespondence::<_, _, 8> { law: AnyLaw, omega: Stored, empty }, c));
+    row("between axes", Partition::Orthants, 8, eight(EmptySubHorizon::Renormalise), Some(local.clone()));
+    row("automatic", Partition::Automatic(8), 8, eight(EmptySubHorizon::Renormalise), Some(local.clone()));
+    if !viscous {
+        // an affine deformation has less than the law's energy where a sub-horizon is empty
+        let of = 1 << D;
+        row("between axes, empty ones without energy", Partition::Orthants, 8, eight(EmptySubHorizon::ZeroEnergy { of }), None);
+    }
+    if const { D == 2 } {
+        let four = SubHorizonCorrespondence::<_, _, 4> { law: AnyLaw, omega: One, empty: EmptySubHorizon::Renormalise };
+        row("four", Partition::Sectors(4), 4, Box::new(Case(four, c)), Some(local.clone()));
+    }
+}
+
+/// A law with corrected influence functions of several orders.
+fn higher_order<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, c: Any<D>, rotation: Rotation, local: &Local<D>) {
+    let (viscous, hyperelastic) = c.constants_of_the_law();
+    use zero_energy::Isotropic as Control;
+    for (order, control) in [(1, Control::None), (2, Control::Wan2019), (3, Control::Silling2017 { strength: 0.7 })] {
+        let (law, omega) = (AnyLaw, Stored);
+        // one type for all dimensions: as many monomials as the most of them need
+        let order = if D == 1 { 2 * order } else { order };
+        let model = Box::new(Case(CorrectedCorrespondence::<_, _, _, 19> { law, control, omega, order }, c));
+        t.push(Row {
+            name: format!("corrected, order {order}, {name}, {}", section_name(section)),
+            section,
+            rotation,
+            conservative: hyperelastic,
+            words: 0,
+            amplification: LARGEST_AMPLIFICATION * f64::powi(2.0, order as i32),
+            point_words: 0,
+            remembers: false,
+            thermal: hyperelastic,
+            viscous,
+            partition: None,
+            local: Some(local.clone()),
+            model,
+        });
+    }
 }
 
 /// A bond law with every influence.
@@ -175,8 +345,12 @@ fn bond_based<I: Influence, const D: usize>(
         rotation: Rotation::Objective,
         conservative: true,
         words: model.law.words(),
+        amplification: 1.0,
+        point_words: 0,
+        remembers: false,
         thermal: false,
         viscous: false,
+        partition: None,
         local: None,
         model: Box::new(Case(model, c)),
     });
@@ -189,8 +363,12 @@ fn solid<I: Influence, const D: usize>(t: &mut Vec<Row<D>>, section: Section, om
         rotation: Rotation::Objective,
         conservative: true,
         words: 0,
+        amplification: 1.0,
+        point_words: 0,
+        remembers: false,
         thermal: false,
         viscous: false,
+        partition: None,
         local: None,
         model: Box::new(Case(LinearPeridynamicSolid { omega }, LinearPeridynamicSolidConstants::new(STEEL, section))),
     });

@@ -22,7 +22,7 @@ section! {
         reduce: Option<Reduction>,
         /// Bound that `count`, `extent_…` and `line_angle` compare with.
         above: Option<Quantity<Any>>,
-        /// Deviation of a field from an expression.
+        /// Deviation of a field from an expression or from values in a file.
         error: Option<FieldError>,
         /// Arithmetic over scalar quantities, such as `energy.strain / 0.5`.
         expression: Option<Text>,
@@ -36,6 +36,8 @@ section! {
         absolute: Option<Quantity<Any>> where NOT_NEGATIVE,
         /// Smallest and largest value, instead of `value`.
         between: Option<[Quantity<Any>; 2]>,
+        /// A condition on parameters, such as `m > 2`: the expectation counts only where it holds.
+        when: Option<Quantity<Number>>,
         /// Where the expected value comes from.
         source: Option<Text>,
     }
@@ -78,16 +80,26 @@ choice! {
         ExtentZ = "extent_z",
         /// Angle in degrees, against the x axis, of the straight line through the points above `above`.
         LineAngle = "line_angle",
+        /// Sum of the absolute differences between neighbours along the rows of points in x direction.
+        TotalVariation = "total_variation",
+        /// Root of the mean square of the third differences along the rows of points in x direction, over 8: zero-energy modes show
+        /// in full, smooth fields hardly.
+        Rough3 = "rough3",
     }
 }
 
 section! {
-    /// Deviation of a field from an expression.
-    pub struct FieldError as "a field error" {
+    /// Deviation of a field from an expression, or from values in a file.
+    pub struct FieldError as "a field error" check check_error {
         /// The field.
         field: FieldComponent,
-        /// What it should be, an expression of x, y, z, t.
-        against: TimeField<Any>,
+        /// What it should be, an expression of x, y, z, t; this or `csv`.
+        against: Option<TimeField<Any>>,
+        /// A file of comma-separated values whose first line names the columns, among them `x`, `y`, `z` as the body has dimensions; path
+        /// relative to the folder of the deck. Every point takes the nearest line, which must lie within half a spacing.
+        csv: Option<Text>,
+        /// The column of the file that holds the reference.
+        column: Text = "value",
         /// How deviations are summed up.
         norm: Norm = "l2",
         /// The set of points.
@@ -100,6 +112,8 @@ choice! {
     pub enum Norm as "a norm" {
         /// Root of the volume integral of the square.
         L2 = "l2",
+        /// The same over that of the reference: a relative difference.
+        RelativeL2 = "relative_l2",
         /// Largest absolute value.
         Max = "max",
     }
@@ -137,6 +151,25 @@ impl Expectation {
             (Some(At::Position(position)), ..) => Some(Measured::FieldAt(field, position)),
             (_, Some(over), Some(reduce)) => Some(Measured::FieldOver(field, over, reduce)),
             _ => None,
+        }
+    }
+
+    /// Its name in reports: as given, or what is measured.
+    pub fn label(&self) -> String {
+        if let Some(name) = &self.name {
+            return name.value.clone();
+        }
+        let what = match self.measured() {
+            Some(Measured::Quantity(q)) => q.value.clone(),
+            Some(Measured::Expression(e)) => e.value.clone(),
+            Some(Measured::FieldAt(f, at)) => format!("{f} at {:?}", at.point()),
+            Some(Measured::FieldOver(f, set, reduce)) => format!("{} {f} over {}", reduce.name(), set.value),
+            Some(Measured::Error(e)) => format!("{} error of {}", e.norm.name(), e.field),
+            None => String::new(),
+        };
+        match self.moment() {
+            Moment::At(t) => format!("{what} at {:e}", t.value),
+            _ => what,
         }
     }
 
@@ -178,7 +211,26 @@ impl JsonSchema for At {
     }
 }
 
+fn check_error(error: &FieldError, cx: &mut Context) {
+    match (&error.against, &error.csv) {
+        (None, None) => cx.fault(error.span, "the error has no reference", "give `against: expression`, or `csv: file.csv`"),
+        (Some(_), Some(csv)) => cx.fault(csv.span, "both `against` and `csv` are given", "keep one"),
+        _ => {}
+    }
+}
+
 fn check_expectation(expectation: &Expectation, cx: &mut Context) {
+    check_measured(expectation, cx);
+    let Expectation { value, tolerance, absolute, between, .. } = expectation;
+    if value.is_none() && between.is_none() {
+        let help = "give `value` with `tolerance` or `absolute`, or `between: [low, high]`";
+        cx.fault(expectation.span, "the expectation has no value", help);
+    }
+    check_bounds(value.as_ref(), tolerance.as_ref(), absolute.as_ref(), between.as_ref(), cx);
+}
+
+/// What is measured must be said once, and completely.
+pub(super) fn check_measured(expectation: &Expectation, cx: &mut Context) {
     let span = expectation.span;
     let kinds = [
         ("quantity", expectation.quantity.is_some()),
@@ -205,15 +257,22 @@ fn check_expectation(expectation: &Expectation, cx: &mut Context) {
     } else if let Some(At::Position(position)) = &expectation.at {
         cx.fault(position.span, "a position has a meaning for `field` only", "write the time as a number");
     }
-    match (&expectation.value, &expectation.between) {
-        (None, None) => {
-            cx.fault(span, "the expectation has no value", "give `value` with `tolerance` or `absolute`, or `between: [low, high]`")
-        }
+}
+
+/// Value and tolerance, or bounds, must fit together.
+pub(super) fn check_bounds(
+    value: Option<&Quantity<Any>>,
+    tolerance: Option<&Quantity<Number>>,
+    absolute: Option<&Quantity<Any>>,
+    between: Option<&[Quantity<Any>; 2]>,
+    cx: &mut Context,
+) {
+    match (value, between) {
         (Some(_), Some(between)) => cx.fault(between[0].span, "both `value` and `between` are given", "keep one"),
-        (Some(value), None) if expectation.tolerance.is_none() && expectation.absolute.is_none() => {
+        (Some(value), None) if tolerance.is_none() && absolute.is_none() => {
             cx.fault(value.span, "the expectation has no tolerance", "add `tolerance: 1e-3` (relative) or `absolute: …`");
         }
-        (Some(value), None) if value.value == 0.0 && expectation.absolute.is_none() => {
+        (Some(value), None) if value.value == 0.0 && absolute.is_none() => {
             cx.fault(value.span, "a relative tolerance means nothing for the value 0", "add `absolute: …`");
         }
         (None, Some([low, high])) if low.value > high.value => {

@@ -29,6 +29,8 @@ choice! {
         LinearPeridynamicSolid(LinearPeridynamicSolid) = "linear_peridynamic_solid",
         /// A law of continuum mechanics applied to the nonlocal deformation gradient.
         Correspondence(Correspondence) = "correspondence",
+        /// A law of a strain applied to a nonlocal strain made of nonlinear strains of the bonds.
+        ExtendedCorrespondence(ExtendedCorrespondence) = "extended_correspondence",
         /// A beam of bond pairs: points on a line that resist bending.
         BondPairBeam(super::thin::BondPairBeam) = "bond_pair_beam",
         /// A plate of bond pairs: points on a plane that resist bending.
@@ -182,6 +184,72 @@ section! {
     }
 }
 
+section! {
+    /// A law of a strain applied to a nonlocal strain made of nonlinear strains of the bonds (Tupek and Radovitzky 2014).
+    pub struct ExtendedCorrespondence as "an extended correspondence model" {
+        /// The law of the strain.
+        law: StrainLaw,
+        /// Exponent m of the Seth-Hill strain of a bond: 1 Green-Lagrange, 0 logarithmic, -1 Almansi. For m of 0 or less a bond cannot collapse. Under
+        /// pressure or tension all modes stay stable at m = 1/2 in 1D, 0 in 2D, -1/2 in 3D.
+        exponent: Quantity<Number> = "0",
+        /// How the strains of the bonds become a strain tensor.
+        calibration: StrainCalibration = "moment_tensor",
+        /// Strength of the zero-energy control, about 1; 0 for none.
+        control: Quantity<Number> where NOT_NEGATIVE = "1",
+        /// Weight of bonds by length.
+        influence: Influence = "constant",
+    }
+}
+
+choice! {
+    /// How the strains of the bonds become a strain tensor.
+    pub enum StrainCalibration as "a calibration of bond strains" {
+        /// Exact for small uniform strains in every family.
+        MomentTensor = "moment_tensor",
+        /// The same; strains that a poor family does not see are zero there.
+        TruncatedMomentTensor = "truncated_moment_tensor",
+        /// With the constants of the paper, which are those of a full sphere or disc.
+        AsPublished = "as_published",
+    }
+}
+
+choice! {
+    /// A law of a strain.
+    pub enum StrainLaw as "a law of a strain" {
+        /// Stress linear in the strain.
+        LinearElastic(Elasticity) = "linear_elastic",
+        /// Plastic flow at a von Mises stress.
+        J2Plasticity(J2Plasticity) = "j2_plasticity",
+    }
+}
+
+section! {
+    /// Plastic flow at a von Mises stress, with linear isotropic hardening.
+    pub struct J2Plasticity as "a J2 plastic law" {
+        /// Yield stress in uniaxial tension.
+        yield_stress: SpaceField<Pressure> where POSITIVE,
+        /// Slope of the uniaxial stress over the plastic strain.
+        hardening_modulus: SpaceField<Pressure> where NOT_NEGATIVE = "0",
+        /// Thermal expansion.
+        thermal_expansion: Option<SpaceField<Expansion>>,
+        /// The strain it is a law of; extended correspondence has its own.
+        strain: PlasticStrain = "logarithmic",
+    } flatten {
+        /// Two of Young's modulus, Poisson ratio, bulk modulus, shear modulus.
+        elasticity: Isotropic,
+    }
+}
+
+choice! {
+    /// The strain of a plastic law.
+    pub enum PlasticStrain as "a strain" {
+        /// Large strains and rotations.
+        Logarithmic = "logarithmic",
+        /// Small strains and rotations.
+        Small = "small",
+    }
+}
+
 choice! {
     /// How the deformation of a family becomes a deformation gradient.
     pub enum Kinematics as "kinematics" {
@@ -273,6 +341,8 @@ choice! {
         SaintVenantKirchhoff(Elasticity) = "saint_venant_kirchhoff",
         /// Compressible neo-Hookean.
         NeoHookean(Isotropic) = "neo_hookean",
+        /// Plastic flow at a von Mises stress.
+        J2Plasticity(J2Plasticity) = "j2_plasticity",
         /// Hooke's law with viscous damping.
         KelvinVoigt(KelvinVoigt) = "kelvin_voigt",
         /// Hooke's law between Cauchy stress and Almansi strain.
@@ -525,8 +595,9 @@ fn given(constants: [(&str, bool); 4]) -> Vec<&str> {
 
 const CONSTANTS_HELP: &str = "give two of `youngs_modulus`, `poisson_ratio`, `bulk_modulus`, `shear_modulus`";
 
+/// Young's modulus alone will do for a bar, which only the problem knows.
 fn check_two(given: &[&str], span: crate::deck::Span, cx: &mut Context) {
-    if given.len() != 2 {
+    if given.len() != 2 && *given != ["youngs_modulus"] {
         let found = if given.is_empty() {
             "none is".into()
         } else {

@@ -6,6 +6,8 @@ mod materials;
 mod output;
 mod sets;
 mod solver;
+mod spectrum;
+mod study;
 mod thin;
 
 pub use body::*;
@@ -15,4 +17,6 @@ pub use materials::*;
 pub use output::*;
 pub use sets::*;
 pub use solver::*;
+pub use spectrum::*;
+pub use study::*;
 pub use thin::*;

@@ -1,4 +1,5 @@
 //! `solver`: how the problem is advanced.
+use super::spectrum::Spectrum;
 use crate::deck::decode::{Auto, Context, choice, section};
 use crate::deck::quantity::{Count, Number, Quantity, Time};
 
@@ -11,6 +12,8 @@ choice! {
         Statics(Statics) = "statics",
         /// Equilibrium by damped dynamics.
         DynamicRelaxation(DynamicRelaxation) = "dynamic_relaxation",
+        /// No motion: which waves and modes cost no energy, and how waves travel.
+        Spectrum(Spectrum) = "spectrum",
     }
 }
 
