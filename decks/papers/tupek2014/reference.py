@@ -89,6 +89,16 @@ def sine(n, phase):
             print(f"sine, {name}, k={k}: first order {w @ stretch:.1e}, mean square {w @ stretch**2:.9f}")
 
 
+def checkerboard(d, n):
+    """Bonds that a wave of two spacings stretches: the sum of 1/r^2 over the size of the family, and its tensor, diagonal along the rows."""
+    x = lattice(d, n)
+    r2 = (x**2).sum(1)
+    for k in range(1, d + 1):
+        odd = x[:, :k].sum(1) % 2 == 1
+        tensor = [(x[odd, a]**2 / r2[odd]**2).sum() / len(x) for a in range(d)]
+        print(f"checkerboard {d}D n={n} along {k} axes: sum {(1 / r2[odd]).sum() / len(x):.12f}, tensor {tensor}")
+
+
 if __name__ == '__main__':
     collapse(2, 10, 30.25)
     collapse(3, 6, 9.5)
@@ -97,3 +107,5 @@ if __name__ == '__main__':
             uniform(d, n)
     jump()
     sine(40, 0.4)
+    for d in [1, 2, 3]:
+        checkerboard(d, 3)
