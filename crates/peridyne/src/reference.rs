@@ -96,7 +96,8 @@ pub fn field_at(path: &Path, column: &str, position: &[[f64; 3]], spacing: &[f64
         Some(x) => Err(format!(
             "{}: {lonely} points of the body have no line within half a spacing, the first is at {:?}",
             path.display(),
-            &x[..dimension]
+            // in the digits that one reads, not those of round-off
+            x[..dimension].iter().map(|&c| c as f32).collect::<Vec<_>>()
         )),
     }
 }

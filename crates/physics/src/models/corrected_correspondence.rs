@@ -228,7 +228,7 @@ fn solve<const D: usize, const M: usize>(bonds: &[(Vector<f64, D>, f64)], order:
             }
         }
         let amplification: f64 = bonds.iter().map(|(s, w)| w * weight(&coefficients, 1.0, n, *s).norm() * s.norm()).sum();
-        if amplification <= LARGEST_AMPLIFICATION * f64::powi(2.0, order as i32) {
+        if order == 1 || amplification <= LARGEST_AMPLIFICATION * f64::powi(2.0, order as i32) {
             return (coefficients, order);
         }
     }

@@ -42,8 +42,9 @@ use std::f64::consts::SQRT_2;
 ///
 /// # Fails when
 /// - no control is used: to first order the strain is a linear nonlocal operator, and on a lattice every wave vector with components
-///   in {0, π/Δx} deforms without energy. Under a mean stress these modes have a stiffness of the sign of tr σ (2m + d − 2): the neutral
-///   exponent is **m = (2 − d)/2** (1/2 in a bar, 0 in the plane, −1/2 in space); a larger one buckles in compression, a smaller one in tension.
+///   in {0, π/Δx} deforms without energy. Under a mean stress the trace of the stiffness of these modes has the sign of tr σ (2m + d − 2),
+///   and in the checkerboard of all axes each of them: there the neutral exponent is **m = (2 − d)/2** (1/2 in a bar, 0 in the plane, −1/2 in
+///   space), a larger one buckles in compression, a smaller one in tension. For waves along rows no exponent is neutral.
 /// - a bond collapses while m > −d/2: a single coincident pair then has finite energy. For m ≤ 0 its strain has no bound, and an explicit
 ///   step must resolve it.
 /// - the law needs F: only laws of a strain can be used.
@@ -399,8 +400,9 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
         }
     }
     fn collapse(&self) -> Option<f64> {
-        // c^(m − 1) of eq. (13)
-        (self.exponent.value() < 1.0).then(|| 1.0 - self.exponent.value())
+        // c^(m − 1) of eq. (13) under stress, its square times |Y|² where the strain changes
+        let m = self.exponent.value();
+        (m < 1.0).then(|| (1.0 - m).max(1.0 - 2.0 * m))
     }
     fn shortfall(&self, shape: &BondStrainShape) -> Option<&'static str> {
         shape.truncated.then_some("fewer than d(d + 1)/2 independent directions: strains that no bond sees are left at zero")

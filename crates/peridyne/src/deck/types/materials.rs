@@ -189,8 +189,8 @@ section! {
     pub struct ExtendedCorrespondence as "an extended correspondence model" {
         /// The law of the strain.
         law: StrainLaw,
-        /// Exponent m of the Seth-Hill strain of a bond: 1 Green-Lagrange, 0 logarithmic, -1 Almansi. For m of 0 or less a bond cannot collapse. Under
-        /// pressure or tension all modes stay stable at m = 1/2 in 1D, 0 in 2D, -1/2 in 3D.
+        /// Exponent m of the Seth-Hill strain of a bond: 1 Green-Lagrange, 0 logarithmic, -1 Almansi. For m of 0 or less the strain of a
+        /// bond that collapses has no bound.
         exponent: Quantity<Number> = "0",
         /// How the strains of the bonds become a strain tensor.
         calibration: StrainCalibration = "moment_tensor",
