@@ -33,7 +33,7 @@ pub struct Approach {
     pub ratio: f64,
     /// The points (sorted index) of that bond.
     pub pair: (usize, usize),
-    /// Smallest (|Y|/|ξ|)ᵖ, at most 1: the stable step shrinks by as much.
+    /// Smallest (|Y|/|ξ|)ᵖ, at most 1: the stable step of that bond alone shrinks by as much.
     pub stiffening: f64,
     /// Smallest |Y| over the speed at which it shrinks.
     pub time: f64,
