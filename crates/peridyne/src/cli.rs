@@ -97,6 +97,15 @@ enum Command {
     },
     /// Print the JSON Schema of decks, for editors.
     Schema,
+    /// Explain what a deck can say.
+    Explain {
+        /// A key, a choice or a section of a deck, such as `statics` or `horizon`.
+        #[arg(required_unless_present = "all")]
+        word: Option<String>,
+        /// Everything, as the Markdown page `DECK.md`.
+        #[arg(long)]
+        all: bool,
+    },
     /// Write a commented deck to start from.
     New {
         /// Where to.
@@ -148,6 +157,8 @@ pub fn main() -> ExitCode {
         Command::Spectrum { deck, out, threads, set, run } => with_threads(threads, || spectrum_of(&deck, out, &set, run.as_deref())),
         Command::Verify { paths, json, slow, threads } => with_threads(threads, || verify_decks(&paths, json.as_deref(), slow)),
         Command::Schema => print(&crate::deck::schema()),
+        Command::Explain { word: Some(word), all: false } => explain(&word),
+        Command::Explain { .. } => print(&crate::deck::reference_page()),
         Command::New { path } => new_deck(&path),
         Command::Completions { shell } => {
             let mut text = vec![];
@@ -155,6 +166,20 @@ pub fn main() -> ExitCode {
             print(&String::from_utf8_lossy(&text))
         }
     })
+}
+
+fn explain(word: &str) -> u8 {
+    if let Some(text) = crate::deck::explain(word) {
+        return print(&text);
+    }
+    let near = crate::deck::similar(word);
+    let hint = if near.is_empty() {
+        "`peridyne explain --all` lists everything".into()
+    } else {
+        format!("did you mean `{}`?", near.join("` or `"))
+    };
+    eprintln!("error: a deck has no key or choice `{word}`; {hint}");
+    2
 }
 
 /// A closed pipe (`peridyne schema | head`) is no failure.

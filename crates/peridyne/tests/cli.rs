@@ -52,6 +52,17 @@ fn table(path: &Path) -> (Vec<String>, Vec<Vec<f64>>) {
 }
 
 #[test]
+fn words_of_a_deck_are_explained() {
+    let said = |word: &str| String::from_utf8(peridyne().args(["explain", word]).assert().success().get_output().stdout.clone()).unwrap();
+    let text = said("statics");
+    assert!(text.contains("load_steps: Count\n") && text.contains("Number of equal load steps"), "{text}");
+    // a key that several sections have
+    assert!(said("spacing").matches("    spacing: ").count() > 3);
+    let text = String::from_utf8(peridyne().args(["explain", "horizn"]).assert().code(2).get_output().stderr.clone()).unwrap();
+    assert!(text.contains("did you mean `horizon`"), "{text}");
+}
+
+#[test]
 fn help_names_the_commands() {
     let text = String::from_utf8(peridyne().arg("--help").assert().success().get_output().stdout.clone()).unwrap();
     for command in ["run", "check", "verify", "schema", "new", "completions"] {

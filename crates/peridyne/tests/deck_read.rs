@@ -69,6 +69,26 @@ fn the_committed_schema_is_current() {
 }
 
 #[test]
+fn the_committed_reference_is_current_and_complete() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../DECK.md");
+    let page = peridyne::deck::reference_page();
+    if std::env::var_os("PERIDYNE_WRITE_SCHEMA").is_some() {
+        std::fs::write(&path, &page).unwrap();
+    }
+    let committed = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(committed == page, "DECK.md is old: run this test with PERIDYNE_WRITE_SCHEMA=1");
+    // every definition of the schema has a section, every section says what it is, and every link leads somewhere
+    let schema: serde_json::Value = serde_json::from_str(&schema()).unwrap();
+    for name in schema["$defs"].as_object().unwrap().keys() {
+        let (_, section) = page.split_once(&format!("\n## {name}\n\n")).unwrap_or_else(|| panic!("{name} has no section"));
+        assert!(section.starts_with(|c: char| !c.is_whitespace() && c != '|' && c != '#'), "{name} says nothing");
+    }
+    for link in page.split("](#").skip(1).map(|s| s.split(')').next().unwrap()) {
+        assert!(page.lines().any(|l| l.strip_prefix("## ").is_some_and(|h| h.to_lowercase() == link)), "#{link} leads nowhere");
+    }
+}
+
+#[test]
 fn values_are_read_in_si() {
     let deck = sound(BAR, &[], None);
     assert_eq!(deck.title.value, "Bar with m = 3");

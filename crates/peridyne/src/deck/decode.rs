@@ -784,6 +784,6 @@ impl JsonSchema for Position {
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let length = generator.subschema_for::<Quantity<Length>>();
-        json_schema!({"anyOf": [length, {"type": "array", "items": length, "minItems": 1, "maxItems": 3}]})
+        json_schema!({"description": "A position: one length a direction; in 1D the length alone will do.", "anyOf": [length, {"type": "array", "items": length, "minItems": 1, "maxItems": 3}]})
     }
 }

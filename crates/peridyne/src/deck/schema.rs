@@ -39,6 +39,7 @@ impl JsonSchema for UnitSystem {
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         let unit = |example: &str| serde_json::json!({"type": "string", "examples": [example]});
         json_schema!({
+            "description": "Units of plain numbers and of output: a name, or the unit of each base quantity.",
             "anyOf": [
                 {"enum": ["SI", "mm-N-MPa"]},
                 {

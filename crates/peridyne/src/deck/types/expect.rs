@@ -207,7 +207,7 @@ impl JsonSchema for At {
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let position = generator.subschema_for::<Position>();
-        json_schema!({"anyOf": [position, generator.subschema_for::<Quantity<Time>>()]})
+        json_schema!({"description": "A position (a list) or a time (a number).", "anyOf": [position, generator.subschema_for::<Quantity<Time>>()]})
     }
 }
 

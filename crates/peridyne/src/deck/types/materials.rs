@@ -543,6 +543,7 @@ impl JsonSchema for Voigt {
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let value = generator.subschema_for::<SpaceField<Pressure>>();
         json_schema!({
+            "description": "Stiffnesses in Voigt notation (11, 22, 33, 23, 13, 12): 21 of the upper triangle row by row, or six rows of six.",
             "anyOf": [
                 {"type": "array", "items": value, "minItems": 21, "maxItems": 21},
                 {"type": "array", "items": {"type": "array", "items": value, "minItems": 6, "maxItems": 6}, "minItems": 6, "maxItems": 6},
@@ -567,7 +568,7 @@ impl JsonSchema for ThermalExpansion {
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let value = generator.subschema_for::<SpaceField<Expansion>>();
-        json_schema!({"anyOf": [value, {"type": "array", "items": value, "minItems": 3, "maxItems": 3}]})
+        json_schema!({"description": "Coefficient of thermal expansion: one, or one along each axis of the material.", "anyOf": [value, {"type": "array", "items": value, "minItems": 3, "maxItems": 3}]})
     }
 }
 

@@ -255,7 +255,7 @@ impl JsonSchema for Moment {
     }
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        json_schema!({"anyOf": [{"enum": ["end", "all"]}, generator.subschema_for::<Quantity<Time>>()]})
+        json_schema!({"description": "A time of the run: its end, every time that is written, or the written one next to a value.", "anyOf": [{"enum": ["end", "all"]}, generator.subschema_for::<Quantity<Time>>()]})
     }
 }
 

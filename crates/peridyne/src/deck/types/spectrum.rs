@@ -103,7 +103,7 @@ impl JsonSchema for Corner {
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let vector = generator.subschema_for::<WaveVector>();
-        json_schema!({"anyOf": [generator.subschema_for::<CornerName>(), vector]})
+        json_schema!({"description": "A corner of the path of wave vectors: by name, or in units of π over the spacing.", "anyOf": [generator.subschema_for::<CornerName>(), vector]})
     }
 }
 
@@ -237,7 +237,7 @@ impl JsonSchema for Deformation {
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let number = generator.subschema_for::<Quantity<Number>>();
         let list = serde_json::json!({"type": "array", "items": number, "minItems": 1, "maxItems": 3});
-        json_schema!({"anyOf": [number, list, {"type": "array", "items": list, "minItems": 1, "maxItems": 3}]})
+        json_schema!({"description": "A uniform deformation: one stretch, one along each axis, or the rows of a deformation gradient.", "anyOf": [number, list, {"type": "array", "items": list, "minItems": 1, "maxItems": 3}]})
     }
 }
 
@@ -310,7 +310,7 @@ impl JsonSchema for WaveNumbers {
 
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let number = generator.subschema_for::<Quantity<Number>>();
-        json_schema!({"anyOf": [number, {"type": "array", "items": number}, generator.subschema_for::<WaveRange>()]})
+        json_schema!({"description": "Wave numbers: one, a list, or a range.", "anyOf": [number, {"type": "array", "items": number}, generator.subschema_for::<WaveRange>()]})
     }
 }
 
