@@ -544,9 +544,10 @@ impl<const D: usize> Statics for Structure<D> {
         self.at_time(t);
         self.pattern();
         self.body.forward(u, None);
-        let Some((_, families)) = &self.pattern else {
+        let Some((_, families)) = &mut self.pattern else {
             return Err(Stop::new("the stiffness is too large to be assembled; choose `method: conjugate_gradients`"));
         };
+        families.set_alike(if self.body.is_undeformed() { self.body.alike() } else { vec![] });
         let body = &self.body;
         matrix.add_families(families, StiffnessScratch::default, |scratch, k, dense| {
             body.family_stiffness(scratch, k, dense);
