@@ -25,10 +25,7 @@ impl<const D: usize> Lattice<D> {
     /// The points of a box of so many cells for which `kept` holds, with families of the horizon ratio.
     pub fn new(cells: [usize; 3], horizon: f64, kept: impl Fn([f64; 3]) -> bool) -> Self {
         let [a, b, c] = cells;
-        let grid: Vec<[f64; 3]> = (0..a * b * c)
-            .map(|q| [q % a, q / a % b, q / (a * b)].map(|k| k as f64))
-            .filter(|&x| kept(x))
-            .collect();
+        let grid: Vec<[f64; 3]> = (0..a * b * c).map(|q| [q % a, q / a % b, q / (a * b)].map(|k| k as f64)).filter(|&x| kept(x)).collect();
         let clock = std::time::Instant::now();
         let position = spatial_order(&grid, D, 1.0).apply(&grid);
         let sorted = clock.elapsed().as_secs_f64();

@@ -62,6 +62,9 @@ fn solve<const D: usize>(structure: &mut Structure<D>, solver: LinearSolver) {
         Ok(r) => println!("solution: {seconds:.3} s, {}, {} iterations, residual {:.1e}", r.solver, r.linear_iterations, r.residual),
         Err(e) => println!("failed after {seconds:.3} s: {e}"),
     }
+    if let Some((dofs, products)) = newton.coarse() {
+        println!("  coarse problem of {dofs} dofs from {products} products");
+    }
     if let Some(c) = newton.cholesky() {
         println!("  {:?}, {} free dofs, {} numbers in the factor", c.ordering(), c.free_dofs(), c.factor_values());
     }
@@ -96,12 +99,14 @@ fn plate(side: usize) {
     println!("assembly: {:.3} s", clock.elapsed().as_secs_f64());
     let clock = Instant::now();
     let threads = rayon::current_num_threads();
-    let mut cholesky = solvers::direct::SparseCholesky::analyze(pattern, structure.positions(), Statics::fixed(&structure), threads).unwrap();
+    let mut cholesky =
+        solvers::direct::SparseCholesky::analyze(pattern, structure.positions(), Statics::fixed(&structure), threads).unwrap();
     println!("analysis: {:.3} s", clock.elapsed().as_secs_f64());
     let clock = Instant::now();
     cholesky.factor(&matrix, None).unwrap();
     println!("factor: {:.3} s", clock.elapsed().as_secs_f64());
     solve(&mut structure, LinearSolver::Direct);
+    solve(&mut structure, LinearSolver::ConjugateGradients);
 }
 
 fn block(side: usize) {

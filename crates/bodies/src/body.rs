@@ -240,6 +240,29 @@ impl<const D: usize> Body<D> {
         self.gather(out, |c, q| -c.dual_force[q].slope[0]);
     }
 
+    /// `K x` of the undeformed body by the vector kernel of the forces: they are linear in displacements so small that their squares are below
+    /// round-off, and keep all digits of them. `false`, with nothing computed, where a material has a history or its temperature has changed:
+    /// there the undeformed body has forces. Who calls this compares it with [`tangent_product`](Self::tangent_product) once.
+    pub(crate) fn undeformed_product(&mut self, x: &[f64], scratch: &mut Vec<f64>, out: &mut [f64]) -> bool {
+        /// Largest displacement, in horizons.
+        const SMALL: f64 = 1e-14;
+        let plain = self.parts.iter().all(|p| p.memory_words() == (0, 0));
+        if !plain || self.chunks.iter().any(|c| c.temperature.iter().any(|t| *t != 0.0)) {
+            return false;
+        }
+        let largest = x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let horizon = self.chunks.iter().flat_map(|c| &c.horizon).fold(f64::INFINITY, |m: f64, h| m.min(*h));
+        let scale = SMALL * horizon / largest;
+        if !(scale.is_normal() && largest.is_normal()) {
+            return false;
+        }
+        scratch.clear();
+        scratch.extend(x.iter().map(|x| x * scale));
+        self.internal_force(scratch, None, out);
+        out.iter_mut().for_each(|f| *f /= -scale);
+        true
+    }
+
     /// Sums what the chunks computed for their own points and, in the order of the chunks, for each other's.
     fn gather(&self, out: &mut [f64], row: impl Fn(&Chunk<D>, usize) -> f64 + Sync) {
         out.par_chunks_mut(self.chunk_points * D).zip(&self.chunks).zip(&self.inflow).for_each(|((out, chunk), inflow)| {

@@ -373,6 +373,15 @@ impl BlockMatrix {
         }
     }
 
+    /// Writes the diagonal blocks, row-major, to `blocks`.
+    pub fn diagonal_blocks(&self, blocks: &mut [f64]) {
+        let d = self.pattern.block;
+        for (p, block) in blocks.chunks_exact_mut(d * d).enumerate() {
+            // symmetric: the order of rows and columns does not matter
+            block.copy_from_slice(&self.values[self.pattern.starts[p] * d * d..][..d * d]);
+        }
+    }
+
     /// Adds the dense Hessians of all families.
     ///
     /// `fill(scratch, k, dense)` writes the symmetric Hessian of family `k`, row-major over `(member, component)` in the order of
