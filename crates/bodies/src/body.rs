@@ -690,6 +690,11 @@ impl<const D: usize> Chunk<D> {
 /// A sum over points in fixed blocks: the same bits on any number of threads.
 pub fn ordered_sum(n: usize, f: impl Fn(usize) -> f64 + Sync) -> f64 {
     const BLOCK: usize = 4096;
-    let sums: Vec<f64> = (0..n.div_ceil(BLOCK)).into_par_iter().map(|b| (b * BLOCK..n.min((b + 1) * BLOCK)).map(&f).sum()).collect();
-    sums.into_iter().sum()
+    /// Most blocks: their sums live on the stack.
+    const MOST: usize = 256;
+    let block = BLOCK.max(n.div_ceil(MOST));
+    let mut sums = [0.0; MOST];
+    let sums = &mut sums[..n.div_ceil(block)];
+    sums.par_iter_mut().enumerate().for_each(|(b, sum)| *sum = (b * block..n.min((b + 1) * block)).map(&f).sum());
+    sums.iter().sum()
 }

@@ -88,6 +88,8 @@ pub struct Structure<const D: usize> {
     work: Work,
     work_open: bool,
     scratch: Vec<f64>,
+    /// External forces, while they are added up.
+    external: Vec<f64>,
     /// Damage counters of the whole run.
     pub broken: Broken,
     /// Evaluations of all bonds, for throughput: force, and tangent products.
@@ -164,6 +166,7 @@ impl<const D: usize> Structure<D> {
             work: Work { done: 0.0, u: vec![0.0; n * D], force: vec![0.0; n * D] },
             work_open: true,
             scratch: vec![0.0; n * D],
+            external: vec![],
             broken: Broken::default(),
             evaluations: (0, 0),
             closest: (f64::INFINITY, 0.0),
@@ -206,9 +209,9 @@ impl<const D: usize> Structure<D> {
         if self.has_time && self.time == t {
             return;
         }
-        let position = self.body.position().to_vec();
         match &self.temperature {
             Some(temperature) => {
+                let position = self.body.position().to_vec();
                 let change = |p: usize| (temperature.field)(position[p], t) - temperature.reference;
                 self.body.set_time(t, Some(&change));
             }
@@ -223,13 +226,19 @@ impl<const D: usize> Structure<D> {
         self.at_time(t);
         self.body.internal_force(u, v, f);
         self.evaluations.0 += 1;
-        let mut external = vec![0.0; f.len()];
+        if self.conditions.is_empty() {
+            return 0.0;
+        }
+        let mut external = std::mem::take(&mut self.external);
+        external.clear();
+        external.resize(f.len(), 0.0);
         add_external::<D>(&self.conditions, self.body.position(), self.body.volume(), t, &mut external);
         add_walls::<D>(&self.conditions, self.body.position(), u, t, &mut external);
         let applied = ordered_sum(external.len(), |q| external[q] * external[q]).sqrt();
         for (f, e) in f.iter_mut().zip(&external) {
             *f += e;
         }
+        self.external = external;
         applied
     }
 
@@ -329,7 +338,12 @@ impl<const D: usize> Structure<D> {
     /// Adds the work of the motion since the last call: mean of the old and new forces times the increment. `force` is the
     /// total force; where a dof is fixed the body is driven by its opposite, elsewhere by the external part only.
     fn add_work(&mut self, t: f64, u: &[f64], force: &[f64]) {
-        let mut driving = vec![0.0; u.len()];
+        if self.conditions.is_empty() {
+            return;
+        }
+        let mut driving = std::mem::take(&mut self.external);
+        driving.clear();
+        driving.resize(u.len(), 0.0);
         add_external::<D>(&self.conditions, self.body.position(), self.body.volume(), t, &mut driving);
         for &(dof, _) in &self.prescribed {
             driving[dof as usize] -= force[dof as usize];
@@ -337,7 +351,7 @@ impl<const D: usize> Structure<D> {
         let work = &mut self.work;
         work.done += ordered_sum(u.len(), |q| 0.5 * (driving[q] + work.force[q]) * (u[q] - work.u[q]));
         work.u.copy_from_slice(u);
-        work.force = driving;
+        self.external = std::mem::replace(&mut work.force, driving);
     }
 
     /// Breaks what exceeds its threshold: everything, or what comes close to the worst (see [`Failure::batch`]).
