@@ -240,6 +240,29 @@ impl<const D: usize> Body<D> {
         self.gather(out, |c, q| -c.dual_force[q].slope[0]);
     }
 
+    /// `K x` of the undeformed body by the vector kernel of the forces: they are linear in displacements so small that their squares are below
+    /// round-off, and keep all digits of them. `false`, with nothing computed, where a material has a history or its temperature has changed:
+    /// there the undeformed body has forces. Who calls this compares it with [`tangent_product`](Self::tangent_product) once.
+    pub(crate) fn undeformed_product(&mut self, x: &[f64], scratch: &mut Vec<f64>, out: &mut [f64]) -> bool {
+        /// Largest displacement, in horizons.
+        const SMALL: f64 = 1e-14;
+        let plain = self.parts.iter().all(|p| p.memory_words() == (0, 0));
+        if !plain || self.chunks.iter().any(|c| c.temperature.iter().any(|t| *t != 0.0)) {
+            return false;
+        }
+        let largest = x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let horizon = self.chunks.iter().flat_map(|c| &c.horizon).fold(f64::INFINITY, |m: f64, h| m.min(*h));
+        let scale = SMALL * horizon / largest;
+        if !(scale.is_normal() && largest.is_normal()) {
+            return false;
+        }
+        scratch.clear();
+        scratch.extend(x.iter().map(|x| x * scale));
+        self.internal_force(scratch, None, out);
+        out.iter_mut().for_each(|f| *f /= -scale);
+        true
+    }
+
     /// Sums what the chunks computed for their own points and, in the order of the chunks, for each other's.
     fn gather(&self, out: &mut [f64], row: impl Fn(&Chunk<D>, usize) -> f64 + Sync) {
         out.par_chunks_mut(self.chunk_points * D).zip(&self.chunks).zip(&self.inflow).for_each(|((out, chunk), inflow)| {
@@ -438,73 +461,139 @@ impl<const D: usize> Body<D> {
         });
     }
 
-    /// The points (sorted, distinct) each family couples, its own point first: `(starts, members)`.
+    /// The chunk that owns a point.
+    pub(crate) fn chunk_of(&self, point: usize) -> &Chunk<D> {
+        &self.chunks[point / self.chunk_points]
+    }
+
+    /// The distinct points each family couples, its own point first, the others by their bonds (see `ordered_slots`): `(starts, members)`.
     pub fn couplings(&self) -> (Vec<usize>, Vec<u32>) {
-        let lists: Vec<Vec<Vec<u32>>> = self
+        let lists: Vec<(Vec<usize>, Vec<u32>)> = self
             .chunks
             .par_iter()
             .map(|c| {
-                (0..c.owned)
-                    .map(|i| {
-                        let mut list = vec![(c.first + i) as u32];
-                        let mut far: Vec<u32> = c.slots(i).map(|s| c.points[c.neighbor[s] as usize]).filter(|&p| p != list[0]).collect();
-                        far.sort_unstable();
-                        far.dedup();
-                        list.extend(far);
-                        list
-                    })
-                    .collect()
+                let (mut lengths, mut all) = (Vec::with_capacity(c.owned), Vec::with_capacity(c.neighbor.len() + c.owned));
+                let mut scratch = MemberScratch::default();
+                for i in 0..c.owned {
+                    c.members(i, &mut scratch);
+                    lengths.push(scratch.members.len());
+                    all.extend(&scratch.members);
+                }
+                (lengths, all)
             })
             .collect();
-        let mut starts = vec![0];
-        let mut members = vec![];
-        for list in lists.iter().flatten() {
-            members.extend(list);
-            starts.push(members.len());
+        let mut starts = Vec::with_capacity(self.points + 1);
+        starts.push(0);
+        let mut members = Vec::with_capacity(lists.iter().map(|l| l.1.len()).sum());
+        for (lengths, all) in lists {
+            for length in lengths {
+                starts.push(starts[starts.len() - 1] + length);
+            }
+            members.extend(all);
         }
         (starts, members)
     }
 
     /// Stiffness of the family of `point` over the points that [`couplings`](Self::couplings) lists for it, at the
     /// displacements last handed out by [`forward`](Self::forward): dense, row-major, overwritten.
-    pub fn family_stiffness(&self, scratch: &mut StiffnessScratch, point: usize, dense: &mut [f64]) {
+    pub fn family_stiffness(&self, scratch: &mut StiffnessScratch<D>, point: usize, dense: &mut [f64]) {
+        let (c, i) = self.bond_stiffness(scratch, point);
+        c.expand(i, &scratch.bonds, &mut scratch.list, &mut scratch.sums, dense);
+    }
+
+    /// Stiffness of a family over its intact bonds, into `scratch.bonds`; its chunk and local index.
+    fn bond_stiffness(&self, scratch: &mut StiffnessScratch<D>, point: usize) -> (&Chunk<D>, usize) {
         let k = point / self.chunk_points;
         let c = &self.chunks[k];
         if scratch.chunk != Some(k) {
             scratch.chunk = Some(k);
-            scratch.jets = c.displacement.iter().map(|&x| Jet::of(x)).collect();
+            scratch.jets.clear();
+            scratch.jets.extend(c.displacement.iter().map(|&x| Jet::of(x)));
         }
         let i = point - c.first;
         scratch.bonds.clear();
         for part in &self.parts {
             part.family_stiffness(k, i, c, &mut scratch.jets, &mut scratch.bonds);
         }
-        c.expand(i, &scratch.bonds, &mut scratch.members, dense);
+        (c, i)
     }
 
-    /// The diagonal D×D blocks of the stiffness at `u`, row-major, `D²` words a point.
+    /// The diagonal D×D blocks of the stiffness at `u`, row-major, `D²` words a point. Where a family meets both a point and its image, the
+    /// coupling of the two is left out.
     pub fn block_diagonal(&mut self, u: &[f64], out: &mut [f64]) {
+        /// Families computed before they are added up.
+        const WAVE: usize = 4096;
         self.forward(u, None);
-        let (starts, members) = self.couplings();
+        let alike = if self.is_undeformed() { self.alike() } else { vec![] };
+        let first = |p: usize| alike.get(p).map_or(p, |&q| q as usize);
+        // how often the blocks of a family serve after it
+        let mut uses = vec![0u32; self.points];
+        (0..self.points).for_each(|p| uses[first(p)] += 1);
         let body = &*self;
-        let blocks: Vec<Vec<f64>> = (0..self.points)
-            .into_par_iter()
-            .map_init(StiffnessScratch::default, |scratch, p| {
-                let n = starts[p + 1] - starts[p];
-                let mut dense = vec![0.0; n * n * D * D];
-                body.family_stiffness(scratch, p, &mut dense);
-                let entry = |m: usize, a: usize, b: usize| dense[(m * D + a) * n * D + m * D + b];
-                (0..n * D * D).map(|q| entry(q / (D * D), q / D % D, q % D)).collect()
-            })
-            .collect();
+        let mut kept: std::collections::HashMap<usize, Vec<f64>> = Default::default();
+        let mut scratch = MemberScratch::default();
         out.fill(0.0);
-        // in the order of the families: the same sum on any number of threads
-        for (p, own) in blocks.iter().enumerate() {
-            for (m, block) in own.chunks(D * D).enumerate() {
-                let j = members[starts[p] + m] as usize;
-                for (o, x) in out[j * D * D..][..D * D].iter_mut().zip(block) {
-                    *o += x;
+        for begin in (0..self.points).step_by(WAVE) {
+            let wave = begin..self.points.min(begin + WAVE);
+            let own: Vec<usize> = wave.clone().filter(|&p| first(p) == p).collect();
+            let blocks: Vec<Vec<f64>> = own
+                .par_iter()
+                .map_init(StiffnessScratch::default, |scratch, &p| {
+                    let mut blocks = vec![];
+                    body.family_diagonal(scratch, p, &mut blocks);
+                    blocks
+                })
+                .collect();
+            kept.extend(own.into_iter().zip(blocks));
+            // in the order of the families: the same sum on any number of threads
+            for p in wave {
+                let (q, c) = (first(p), body.chunk_of(p));
+                let blocks = &kept[&q];
+                let i = p - c.first;
+                c.ordered_slots(i, &mut scratch.slots, &mut scratch.keys);
+                let ends = scratch.slots.iter().filter(|&&s| c.is_intact(s as usize)).map(|&s| c.neighbor[s as usize] as usize);
+                for (l, block) in std::iter::once(i).chain(ends).zip(blocks.chunks(D * D)) {
+                    let (j, flips) = (c.points[l] as usize, c.flips[l]);
+                    for (q, (o, x)) in out[j * D * D..][..D * D].iter_mut().zip(block).enumerate() {
+                        *o += if (flips >> (q / D) ^ flips >> (q % D)) & 1 == 1 { -x } else { *x };
+                    }
                 }
+                uses[q] -= 1;
+                if uses[q] == 0 {
+                    kept.remove(&q);
+                }
+            }
+        }
+    }
+
+    /// Diagonal blocks of the stiffness of a family: of its own point, then of the far points of its intact bonds in the order of `ordered_slots`.
+    fn family_diagonal(&self, scratch: &mut StiffnessScratch<D>, point: usize, out: &mut Vec<f64>) {
+        let (c, i) = self.bond_stiffness(scratch, point);
+        c.ordered_slots(i, &mut scratch.list.slots, &mut scratch.list.keys);
+        let intact = |s: usize| c.is_intact(s);
+        let n = c.slots(i).filter(|&s| intact(s)).count();
+        let (m, h) = (n * D, &scratch.bonds);
+        out.clear();
+        out.resize((n + 1) * D * D, 0.0);
+        let (own, far) = out.split_at_mut(D * D);
+        for b in 0..n {
+            for k in 0..D {
+                for row in h[(b * D + k) * m..][..m].chunks_exact(D) {
+                    (0..D).for_each(|l| own[k * D + l] += row[l]);
+                }
+            }
+        }
+        // rows are in the order of the slots
+        let first = c.slots(i).start;
+        scratch.rank.clear();
+        scratch.rank.extend(c.slots(i).scan(0, |n, s| {
+            *n += u32::from(intact(s));
+            Some(*n - u32::from(intact(s)))
+        }));
+        let ordered = scratch.list.slots.iter().filter(|&&s| intact(s as usize)).map(|&s| scratch.rank[s as usize - first] as usize);
+        for (b, block) in ordered.zip(far.chunks_exact_mut(D * D)) {
+            for k in 0..D {
+                block[k * D..(k + 1) * D].copy_from_slice(&h[(b * D + k) * m + b * D..][..D]);
             }
         }
     }
@@ -512,52 +601,88 @@ impl<const D: usize> Body<D> {
 
 /// Work space of [`Body::family_stiffness`], one a thread. Holds displacements: make a new one when they change.
 #[derive(Default)]
-pub struct StiffnessScratch {
+pub struct StiffnessScratch<const D: usize> {
     chunk: Option<usize>,
     jets: Vec<Jet<SEEDS>>,
     bonds: Vec<f64>,
+    list: MemberScratch<D>,
+    rank: Vec<u32>,
+    sums: Vec<f64>,
+}
+
+/// The distinct points that a family couples.
+#[derive(Default)]
+struct MemberScratch<const D: usize> {
+    slots: Vec<u32>,
+    keys: Vec<([i64; D], u32)>,
+    /// The points, the family's own first.
     members: Vec<u32>,
+    /// For each entry of `slots` its place in `members`.
+    place: Vec<u32>,
 }
 
 impl<const D: usize> Chunk<D> {
+    fn members(&self, i: usize, out: &mut MemberScratch<D>) {
+        let MemberScratch { slots, keys, members, place } = out;
+        self.ordered_slots(i, slots, keys);
+        (members.clear(), place.clear());
+        let own = self.points[i];
+        members.push(own);
+        let end = |s: &u32| self.points[self.neighbor[*s as usize] as usize];
+        if !self.meets_images(i) {
+            members.extend(slots.iter().map(end));
+            place.extend(1..=slots.len() as u32);
+            return;
+        }
+        members.extend(slots.iter().map(end).filter(|&p| p != own));
+        members[1..].sort_unstable();
+        members.dedup();
+        let find = |p: u32| if p == own { 0 } else { 1 + members[1..].binary_search(&p).expect("listed above") as u32 };
+        place.extend(slots.iter().map(|s| find(end(s))));
+    }
+
     /// From bonds to points: the stiffness of a family over its own point and the distinct far points (broken ones keep
     /// zero rows), mirror images folded onto their points.
-    fn expand(&self, i: usize, bonds: &[f64], members: &mut Vec<u32>, dense: &mut [f64]) {
-        members.clear();
-        let own = self.points[i];
-        members.extend(self.slots(i).map(|s| self.points[self.neighbor[s] as usize]).filter(|&p| p != own));
-        members.sort_unstable();
-        members.dedup();
-        let n = (members.len() + 1) * D;
+    fn expand(&self, i: usize, bonds: &[f64], list: &mut MemberScratch<D>, sums: &mut Vec<f64>, dense: &mut [f64]) {
+        self.members(i, list);
+        let n = list.members.len() * D;
         dense.fill(0.0);
-        let intact: Vec<(usize, u8)> = self
-            .slots(i)
-            .filter(|&s| self.is_intact(s))
-            .map(|s| {
-                let l = self.neighbor[s] as usize;
-                let p = self.points[l];
-                (if p == own { 0 } else { 1 + members.binary_search(&p).expect("listed above") }, self.flips[l])
-            })
-            .collect();
+        // by slot: the rows of `bonds` are the intact bonds in that order
+        let first = self.slots(i).start;
+        let mut to = vec![(0usize, 0u8); list.slots.len()];
+        for (&s, &place) in list.slots.iter().zip(&list.place) {
+            to[s as usize - first] = (place as usize * D, self.flips[self.neighbor[s as usize] as usize]);
+        }
+        let intact: Vec<(usize, u8)> = self.slots(i).filter(|&s| self.is_intact(s)).map(|s| to[s - first]).collect();
         let m = intact.len() * D;
         let sign = |flips: u8, k: usize| if flips >> k & 1 == 1 { -1.0 } else { 1.0 };
-        for (b, &(row, flip_b)) in intact.iter().enumerate() {
+        // Y = ±u_far − u_own: the own point's columns and rows are minus the sums
+        sums.clear();
+        sums.resize(D * n, 0.0);
+        for (b, &(row, flips_b)) in intact.iter().enumerate() {
             for k in 0..D {
-                // Y = ±u_far − u_own: the own point's column and rows are minus the sums
+                let source = &bonds[(b * D + k) * m..][..m];
+                let own = sign(flips_b, k);
+                let target = &mut dense[(row + k) * n..][..n];
                 let mut row_sum = [0.0; D];
-                for (c, &(column, flip_c)) in intact.iter().enumerate() {
+                for (&(column, flips_c), h) in intact.iter().zip(source.as_chunks::<D>().0) {
                     for l in 0..D {
-                        let h = sign(flip_b, k) * bonds[(b * D + k) * m + c * D + l];
-                        dense[(row * D + k) * n + column * D + l] += sign(flip_c, l) * h;
-                        dense[k * n + column * D + l] -= sign(flip_b, k) * sign(flip_c, l) * h;
-                        row_sum[l] += h;
+                        let h = if flips_b | flips_c == 0 { h[l] } else { own * sign(flips_c, l) * h[l] };
+                        target[column + l] += h;
+                        sums[k * n + column + l] -= own * h;
+                    }
+                    for l in 0..D {
+                        row_sum[l] += h[l];
                     }
                 }
                 for l in 0..D {
-                    dense[(row * D + k) * n + l] -= row_sum[l];
-                    dense[k * n + l] += sign(flip_b, k) * row_sum[l];
+                    target[l] -= own * row_sum[l];
+                    sums[k * n + l] += row_sum[l];
                 }
             }
+        }
+        for (d, s) in dense[..D * n].iter_mut().zip(sums.iter()) {
+            *d += s;
         }
     }
 }
@@ -565,6 +690,11 @@ impl<const D: usize> Chunk<D> {
 /// A sum over points in fixed blocks: the same bits on any number of threads.
 pub fn ordered_sum(n: usize, f: impl Fn(usize) -> f64 + Sync) -> f64 {
     const BLOCK: usize = 4096;
-    let sums: Vec<f64> = (0..n.div_ceil(BLOCK)).into_par_iter().map(|b| (b * BLOCK..n.min((b + 1) * BLOCK)).map(&f).sum()).collect();
-    sums.into_iter().sum()
+    /// Most blocks: their sums live on the stack.
+    const MOST: usize = 256;
+    let block = BLOCK.max(n.div_ceil(MOST));
+    let mut sums = [0.0; MOST];
+    let sums = &mut sums[..n.div_ceil(block)];
+    sums.par_iter_mut().enumerate().for_each(|(b, sum)| *sum = (b * block..n.min((b + 1) * block)).map(&f).sum());
+    sums.iter().sum()
 }

@@ -1,6 +1,7 @@
 //! A discretised body: points, families, chunks, damage, loads; and how solvers see it.
 #![forbid(unsafe_code)]
 
+mod alike;
 pub mod body;
 mod cells;
 pub mod chunk;

@@ -41,6 +41,8 @@ pub trait Part<const D: usize>: Send + Sync {
     fn needs_velocity(&self) -> bool;
     /// Whether the force is the derivative of an energy.
     fn is_conservative(&self) -> bool;
+    /// Whether families of equal shape have equal forces: the same constants everywhere, and no history.
+    fn is_uniform(&self) -> bool;
     /// Whether the bonds must store the influence.
     fn stores_influence(&self) -> bool;
     /// The points of each chunk that the part owns families of (local index).
@@ -241,6 +243,9 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     }
     fn is_conservative(&self) -> bool {
         M::CONSERVATIVE
+    }
+    fn is_uniform(&self) -> bool {
+        matches!(self.constants, Constants::Uniform(_)) && self.memory_words() == (0, 0)
     }
     fn stores_influence(&self) -> bool {
         M::STORED_INFLUENCE

@@ -73,6 +73,8 @@ pub struct DirectReport {
 
 /// Nested dissection is taken up to this much more fill than minimum degree: its supernodes are larger, so it is faster at equal fill.
 const EQUAL_FILL: f64 = 1.05;
+/// From this many points on, nested dissection is taken without looking at minimum degree, where there is a geometry.
+const DISSECTED: usize = 6000;
 /// Relative residual beyond which a solution is looked at more closely.
 const INACCURATE: f64 = 1e-6;
 /// Relative correction beyond which such a solution is not returned. Stiff systems (beams of many points) have residuals of round-off
@@ -127,20 +129,28 @@ impl SparseCholesky {
         let dofs: usize = kept_points.iter().map(|&p| free_of(p).count()).sum();
         let out_of_memory = |values| DirectError::OutOfMemory { dofs, values };
 
-        let minimum = minimum_degree(&graph).ok_or(out_of_memory(0))?;
-        let (minimum_fill, minimum) = fill(&graph, &minimum).ok_or(out_of_memory(0))?;
-        let (mut order, mut ordering) = (minimum, Ordering::MinimumDegree);
-        if !positions.is_empty() && points > 0 {
-            let dimension = positions.len() / points;
-            assert_eq!(positions.len(), points * dimension);
-            let kept_positions: Vec<f64> =
-                kept_points.iter().flat_map(|&p| positions[p as usize * dimension..(p as usize + 1) * dimension].iter().copied()).collect();
-            let dissected = nested_dissection(&graph, &kept_positions, dimension);
-            let (dissected_fill, dissected) = fill(&graph, &dissected).ok_or(out_of_memory(0))?;
-            if dissected_fill as f64 <= EQUAL_FILL * minimum_fill as f64 {
-                (order, ordering) = (dissected, Ordering::NestedDissection);
+        let dissected = match positions.is_empty() || points == 0 {
+            true => None,
+            false => {
+                let dimension = positions.len() / points;
+                assert_eq!(positions.len(), points * dimension);
+                let of = |&p: &u32| positions[p as usize * dimension..(p as usize + 1) * dimension].iter().copied();
+                let kept_positions: Vec<f64> = kept_points.iter().flat_map(of).collect();
+                Some(fill(&graph, &nested_dissection(&graph, &kept_positions, dimension)).ok_or(out_of_memory(0))?)
             }
-        }
+        };
+        let (order, ordering) = match dissected {
+            // minimum degree takes longer than dissection, the more so the wider the couplings, and hardly ever fills less
+            Some((_, dissected)) if graph.len() >= DISSECTED => (dissected, Ordering::NestedDissection),
+            dissected => {
+                let minimum = minimum_degree(&graph).ok_or(out_of_memory(0))?;
+                let (least, minimum) = fill(&graph, &minimum).ok_or(out_of_memory(0))?;
+                match dissected {
+                    Some((fill, dissected)) if fill as f64 <= EQUAL_FILL * least as f64 => (dissected, Ordering::NestedDissection),
+                    _ => (minimum, Ordering::MinimumDegree),
+                }
+            }
+        };
 
         // Permuted numbers of the free dofs: those of a point stay together.
         let mut dof = Vec::with_capacity(dofs);
@@ -257,8 +267,9 @@ impl SparseCholesky {
         let symbolic = self.symbolic.as_ref().expect("set by `analyze`");
         let out_of_memory = DirectError::OutOfMemory { dofs: n, values: symbolic.len_val() };
         if self.factor.is_empty() {
-            self.factor.try_reserve_exact(symbolic.len_val()).map_err(|_| out_of_memory.clone())?;
-            self.factor.resize(symbolic.len_val(), 0.0);
+            // asked for twice, because only the second way gets pages that are zero without being written
+            Vec::<f64>::new().try_reserve_exact(symbolic.len_val()).map_err(|_| out_of_memory.clone())?;
+            self.factor = vec![0.0; symbolic.len_val()];
             let params: Spec<LltParams, f64> = Default::default();
             let request = supernodal::factorize_supernodal_numeric_llt_scratch::<usize, f64>(symbolic, par, params)
                 .or(symbolic.solve_in_place_scratch::<f64>(1, par));
@@ -350,6 +361,27 @@ impl SparseCholesky {
         Ok(DirectReport { residual: reached, error })
     }
 
+    /// Solves `A x = b` by substitution alone, without refinement: for preconditioners. Zero at fixed dofs.
+    ///
+    /// # Errors
+    /// [`DirectError::NotFactored`].
+    pub fn substitute(&mut self, b: &[f64], x: &mut [f64]) -> Result<(), DirectError> {
+        if !self.factored {
+            return Err(DirectError::NotFactored);
+        }
+        x.fill(0.0);
+        for (solution, &dof) in self.solution.iter_mut().zip(&self.dof) {
+            *solution = b[dof as usize];
+        }
+        if !self.dof.is_empty() {
+            self.back_substitute(false);
+        }
+        for (&dof, &value) in self.dof.iter().zip(&self.solution) {
+            x[dof as usize] = value;
+        }
+        Ok(())
+    }
+
     /// Solves in place with the factor alone: in `residual` or in `solution`.
     fn back_substitute(&mut self, residual: bool) {
         let symbolic = self.symbolic.as_ref().expect("set by `analyze`");
@@ -387,8 +419,8 @@ fn parallelism(threads: usize) -> Par {
 /// Lower triangle of the permuted matrix by columns (diagonal first), with the place of each entry among the block values. `number`
 /// maps dofs to permuted numbers, `usize::MAX` for fixed ones.
 fn reduced_columns(pattern: &BlockPattern, number: &[usize], dofs: usize) -> (Vec<usize>, Vec<usize>, Vec<u32>) {
-    let d = pattern.block();
-    let visit = |mut entry: Box<dyn FnMut(usize, usize, usize) + '_>| {
+    fn visit(pattern: &BlockPattern, number: &[usize], mut entry: impl FnMut(usize, usize, usize)) {
+        let d = pattern.block();
         for column in 0..pattern.points() {
             let first = pattern.first_slot(column);
             for (k, &row) in pattern.column(column).iter().enumerate() {
@@ -403,21 +435,21 @@ fn reduced_columns(pattern: &BlockPattern, number: &[usize], dofs: usize) -> (Ve
                 }
             }
         }
-    };
+    }
     let mut starts = vec![0usize; dofs + 1];
-    visit(Box::new(|_, column, _| starts[column + 1] += 1));
+    visit(pattern, number, |_, column, _| starts[column + 1] += 1);
     for k in 0..dofs {
         starts[k + 1] += starts[k];
     }
     let (mut rows, mut sources) = (vec![0usize; starts[dofs]], vec![0u32; starts[dofs]]);
     // The diagonal takes the first place of its column.
     let mut next: Vec<usize> = starts[..dofs].iter().map(|s| s + 1).collect();
-    visit(Box::new(|row, column, source| {
+    visit(pattern, number, |row, column, source| {
         let place = if row == column { starts[column] } else { next[column] };
         next[column] += usize::from(row != column);
         rows[place] = row;
         sources[place] = source as u32;
-    }));
+    });
     (starts, rows, sources)
 }
 

@@ -14,5 +14,6 @@ pub mod observe;
 pub mod ordering;
 pub mod problem;
 pub mod sparse;
+pub mod two_level;
 pub mod vector;
 pub mod velocity_verlet;

@@ -23,6 +23,7 @@ use crate::load_steps::{Equilibrated, Equilibrium, EquilibriumError, ROUND_OFF_R
 use crate::observe::{Cancel, cancelled};
 use crate::problem::{Statics, Stop};
 use crate::sparse::{BlockMatrix, BlockPattern};
+use crate::two_level::{Coarse, TwoLevel};
 use crate::vector;
 
 /// Which linear solver Newton's method uses.
@@ -32,9 +33,9 @@ pub enum LinearSolver {
     Automatic,
     /// Sparse Cholesky of the assembled tangent. An error where the body does not assemble.
     Direct,
-    /// Conjugate gradients with block Jacobi, matrix-free. For symmetric tangents.
+    /// Conjugate gradients with block Jacobi and a coarse correction ([`crate::two_level`]); matrix-free in space. For symmetric tangents.
     ConjugateGradients,
-    /// Flexible GMRES with block Jacobi, matrix-free, restarted after so many products. For tangents that are not symmetric.
+    /// Flexible GMRES with the same preconditioner, matrix-free, restarted after so many products. For tangents that are not symmetric.
     Gmres {
         /// Products between restarts.
         restart: usize,
@@ -98,6 +99,8 @@ struct Linear {
     shift: f64,
     conjugate_gradients: ConjugateGradients,
     gmres: Gmres,
+    /// For the fixed dofs of the last iterative solution.
+    coarse: Option<Coarse>,
     blocks: Vec<f64>,
     diagonal: Vec<f64>,
     iterations: usize,
@@ -126,6 +129,7 @@ impl Newton {
                 LinearSolver::Gmres { restart } => restart,
                 _ => 1,
             }),
+            coarse: None,
             blocks: Vec::new(),
             diagonal: Vec::new(),
             iterations: 0,
@@ -135,6 +139,11 @@ impl Newton {
         };
         let empty = Vec::new;
         Self { options, linear, f: empty(), trial_f: empty(), trial: empty(), direction: empty(), right: empty(), moved: empty() }
+    }
+
+    /// Dofs of the coarse problem of an iterative solution, and the products with the stiffness that it took to make.
+    pub fn coarse(&self) -> Option<(usize, usize)> {
+        self.linear.coarse.as_ref().map(Coarse::size)
     }
 
     /// The direct solver in use, if any: for reports on fill and ordering.
@@ -506,6 +515,27 @@ impl Linear {
         unreachable!("the last shift returns")
     }
 
+    /// Assembles the stiffness for an iterative solution, where it is small: in the plane and on a line. `false` elsewhere.
+    fn assemble_for_products(&mut self, problem: &mut dyn Statics, t: f64, u: &[f64]) -> Result<bool, EquilibriumError> {
+        /// Largest matrix, in bytes.
+        const LARGEST: usize = 1 << 30;
+        let d = problem.dofs_per_point();
+        // GMRES is for stiffnesses that are not symmetric, which the matrix would lose
+        if d > 2 || matches!(self.options.solver, LinearSolver::Gmres { .. }) {
+            return Ok(false);
+        }
+        let Some(pattern) = problem.pattern().filter(|p| p.blocks() * d * d * 8 <= LARGEST) else {
+            return Ok(false);
+        };
+        if self.matrix.as_ref().is_none_or(|m| !Arc::ptr_eq(m.pattern(), &pattern)) {
+            self.matrix = Some(BlockMatrix::new(pattern));
+        }
+        let matrix = self.matrix.as_mut().expect("made above");
+        matrix.clear();
+        problem.tangent(t, u, matrix)?;
+        Ok(true)
+    }
+
     fn solve_iteratively(
         &mut self,
         problem: &mut dyn Statics,
@@ -518,9 +548,37 @@ impl Linear {
         let d = problem.dofs_per_point();
         let fixed = problem.fixed().to_vec();
         self.blocks.resize(u.len() * d, 0.0);
-        problem.block_diagonal(t, u, &mut self.blocks)?;
-        let mut preconditioner = BlockJacobi::new(d, &self.blocks, &fixed);
-        let product = |x: &[f64], y: &mut [f64]| problem.tangent_product(t, u, x, y);
+        let assembled = self.assemble_for_products(problem, t, u)?;
+        match &self.matrix {
+            Some(matrix) if assembled => matrix.diagonal_blocks(&mut self.blocks),
+            _ => problem.block_diagonal(t, u, &mut self.blocks)?,
+        }
+        let smoother = BlockJacobi::new(d, &self.blocks, &fixed);
+        let matrix = self.matrix.as_ref().filter(|_| assembled);
+        if !self.coarse.as_ref().is_some_and(|c| c.serves(&fixed)) {
+            self.coarse = None;
+            if let Some(reach) = problem.reach().filter(|_| problem.positions().len() == u.len() && d <= 3) {
+                let positions = problem.positions().to_vec();
+                // of the reference configuration: it is stable, and products are fastest there
+                let start = vec![0.0; u.len()];
+                let product = |x: &[f64], y: &mut [f64]| match matrix {
+                    Some(matrix) => {
+                        matrix.product(x, y);
+                        Ok(())
+                    }
+                    None => problem.tangent_product(t, &start, x, y),
+                };
+                self.coarse = Coarse::new(product, &positions, &fixed, d, reach, self.options.threads)?;
+            }
+        }
+        let mut preconditioner = TwoLevel { smoother, coarse: self.coarse.as_mut() };
+        let product = |x: &[f64], y: &mut [f64]| match matrix {
+            Some(matrix) => {
+                matrix.product(x, y);
+                Ok(())
+            }
+            None => problem.tangent_product(t, u, x, y),
+        };
         let report: KrylovReport = if let LinearSolver::Gmres { .. } = self.options.solver {
             self.name = "Newton, GMRES";
             self.gmres.solve(product, &mut preconditioner, &fixed, b, x, options)?

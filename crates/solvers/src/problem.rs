@@ -143,6 +143,12 @@ pub trait Statics {
     /// [`Stop`] where the state cannot be evaluated.
     fn block_diagonal(&mut self, t: f64, u: &[f64], blocks: &mut [f64]) -> Result<(), Stop>;
 
+    /// The distance beyond which no two points are coupled by the tangent `[length]`, where there is one that is short beside the body: it
+    /// lets iterative solvers correct what is smooth on a coarse grid. The default is none.
+    fn reach(&self) -> Option<f64> {
+        None
+    }
+
     /// The force that the residual is small *relative to* `[force]`: the largest of the Euclidean norms over dofs of the reactions and
     /// of the external forces, at the last [`force`](Self::force) call and at the states accepted so far. Not at all states ever
     /// tried: a trial far off has huge reactions, against which any residual is small. 0 where nothing is known (the solver then
@@ -203,6 +209,9 @@ impl<P: Statics + ?Sized> Statics for &mut P {
     }
     fn block_diagonal(&mut self, t: f64, u: &[f64], blocks: &mut [f64]) -> Result<(), Stop> {
         (**self).block_diagonal(t, u, blocks)
+    }
+    fn reach(&self) -> Option<f64> {
+        (**self).reach()
     }
     fn force_scale(&self) -> f64 {
         (**self).force_scale()

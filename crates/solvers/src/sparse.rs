@@ -42,6 +42,8 @@ pub struct FamilyList {
     /// Places of each family's members in ascending order of index.
     sorted: Vec<u32>,
     points: usize,
+    /// For each family the first one with the same Hessian; empty where each has its own.
+    alike: Vec<u32>,
 }
 
 impl FamilyList {
@@ -73,7 +75,27 @@ impl FamilyList {
                 return Err(SparseError::OutOfRange { list, index: family[last as usize] as usize, points });
             }
         }
-        Ok(Self { starts, members, sorted, points })
+        Ok(Self { starts, members, sorted, points, alike: Vec::new() })
+    }
+
+    /// Says which families have the same Hessian, in the order of their members: `alike[k]` is the first family with that of `k`
+    /// (`k` itself where there is none before). Only the first is then computed. Empty: none are alike.
+    ///
+    /// # Panics
+    /// Where `alike` is neither empty nor as long as there are families, or a family is said to be like a later one, one of another
+    /// size, or one that is like another.
+    pub fn set_alike(&mut self, alike: Vec<u32>) {
+        assert!(alike.is_empty() || alike.len() == self.len(), "one entry a family");
+        for (k, &first) in alike.iter().enumerate() {
+            let first = first as usize;
+            assert!(first <= k && alike[first] as usize == first && self.family(first).len() == self.family(k).len());
+        }
+        self.alike = alike;
+    }
+
+    /// The first family with the Hessian of family `k`.
+    fn first_alike(&self, k: usize) -> usize {
+        self.alike.get(k).map_or(k, |&first| first as usize)
     }
 
     /// Number of families.
@@ -351,12 +373,22 @@ impl BlockMatrix {
         }
     }
 
+    /// Writes the diagonal blocks, row-major, to `blocks`.
+    pub fn diagonal_blocks(&self, blocks: &mut [f64]) {
+        let d = self.pattern.block;
+        for (p, block) in blocks.chunks_exact_mut(d * d).enumerate() {
+            // symmetric: the order of rows and columns does not matter
+            block.copy_from_slice(&self.values[self.pattern.starts[p] * d * d..][..d * d]);
+        }
+    }
+
     /// Adds the dense Hessians of all families.
     ///
     /// `fill(scratch, k, dense)` writes the symmetric Hessian of family `k`, row-major over `(member, component)` in the order of
     /// [`FamilyList::family`], `(n·D)²` entries, *all* of them (they are not cleared). It runs in parallel; `scratch` is one value of
     /// `init` per task. Families are computed a wave at a time and added by disjoint ranges of columns, in the order of the families,
-    /// so the result does not depend on the number of threads, and no more than one wave of dense matrices exists.
+    /// so the result does not depend on the number of threads, and no more than one wave of dense matrices exists. Of families that are
+    /// alike (see [`FamilyList::set_alike`]) only the first is asked for, once a wave.
     ///
     /// # Errors
     /// The first error (by family number within its wave) that `fill` returned; the matrix is then incomplete.
@@ -373,6 +405,9 @@ impl BlockMatrix {
         const WAVE: usize = 1 << 20;
         /// Ranges of columns of one wave.
         const RANGES: usize = 16;
+        /// Most families of a wave, however alike.
+        const FAMILIES: usize = 4096;
+        const NONE: usize = usize::MAX;
         let d = self.pattern.block;
         let pattern = self.pattern.clone();
         let size = |k: usize| {
@@ -382,30 +417,42 @@ impl BlockMatrix {
         let mut dense = Vec::new();
         let mut first = 0;
         let mut incidences: Vec<Incidence> = Vec::new();
+        // Where the Hessian of a family lies in this wave.
+        let mut place = vec![NONE; families.len()];
+        let (mut computed, mut offsets): (Vec<usize>, Vec<usize>) = (Vec::new(), Vec::new());
         while first < families.len() {
+            for &k in &computed {
+                place[k] = NONE;
+            }
+            (computed.clear(), offsets.clear(), incidences.clear());
             let (mut last, mut total) = (first, 0);
-            while last < families.len() && (last == first || total + size(last) <= WAVE) {
-                total += size(last);
+            while last < families.len() && last - first < FAMILIES {
+                let own = families.first_alike(last);
+                if place[own] == NONE {
+                    if last > first && total + size(last) > WAVE {
+                        break;
+                    }
+                    place[own] = total;
+                    total += size(last);
+                    computed.push(own);
+                }
+                offsets.push(place[own]);
+                let family = families.family(last);
+                let places = families.sorted_places(last).iter().enumerate();
+                incidences.extend(places.map(|(place, &local)| (family[local as usize], last as u32, place as u32)));
                 last += 1;
             }
             dense.resize(dense.len().max(total), 0.0);
-            let mut offsets = Vec::with_capacity(last - first + 1);
-            let mut parts: Vec<(usize, &mut [f64])> = Vec::with_capacity(last - first);
-            let (mut rest, mut offset) = (&mut dense[..total], 0);
-            incidences.clear();
-            for k in first..last {
+            let mut parts: Vec<(usize, &mut [f64])> = Vec::with_capacity(computed.len());
+            let mut rest = &mut dense[..total];
+            for &k in &computed {
                 let (part, tail) = rest.split_at_mut(size(k));
                 parts.push((k, part));
                 rest = tail;
-                offsets.push(offset);
-                offset += size(k);
-                let family = families.family(k);
-                let places = families.sorted_places(k).iter().enumerate();
-                incidences.extend(places.map(|(place, &local)| (family[local as usize], k as u32, place as u32)));
             }
             let results: Vec<Result<(), E>> = parts.into_par_iter().map_init(&init, |scratch, (k, part)| fill(scratch, k, part)).collect();
             results.into_iter().collect::<Result<(), E>>()?;
-            incidences.sort_unstable();
+            incidences.par_sort_unstable();
             // Cut the incidences into ranges of whole columns, and the values likewise.
             let mut tasks: Vec<(&[Incidence], usize, &mut [f64])> = Vec::with_capacity(RANGES);
             let mut values = &mut self.values[..];
