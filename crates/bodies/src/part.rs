@@ -73,8 +73,14 @@ pub trait Part<const D: usize>: Send + Sync {
     fn gathers(&self) -> bool;
     /// The state of an owned point of a pairwise model.
     fn state_word(&self, chunk: usize, point: usize, c: &Configuration<f64>) -> f64;
-    /// How the stiffness of a collapsing bond grows: see [`Material::collapse`].
-    fn collapse(&self) -> Option<f64>;
+    /// Whether bonds stiffen without bound as they collapse: see [`Material::collapse`].
+    fn collapse(&self) -> bool;
+    /// Whether breaking stiffens the bonds that are left: see [`Material::REBUILT`].
+    fn is_rebuilt(&self) -> bool;
+    /// `F − 1` as the material sees it, into the entries of owned points.
+    fn displacement_gradient(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>]);
+    /// The nonlocal strain of extended correspondence, into the entries of owned points of such a material.
+    fn extended_strain(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>]);
     /// Sub-horizons whose membership the bonds must store.
     fn sub_horizons(&self) -> usize;
     /// What the shapes had to do without, and in how many families.
@@ -245,8 +251,23 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     fn stores_influence(&self) -> bool {
         M::STORED_INFLUENCE
     }
-    fn collapse(&self) -> Option<f64> {
+    fn collapse(&self) -> bool {
         self.material.collapse()
+    }
+    fn is_rebuilt(&self) -> bool {
+        M::REBUILT
+    }
+    fn displacement_gradient(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>]) {
+        self.each(chunk, |i, constants, shape| {
+            out[i] = self.material.displacement_gradient(constants, shape, Family::<f64, D>::new(c, i));
+        });
+    }
+    fn extended_strain(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>]) {
+        self.each(chunk, |i, constants, shape| {
+            if let Some(strain) = self.material.extended_strain(constants, shape, Family::<f64, D>::new(c, i)) {
+                out[i] = strain;
+            }
+        });
     }
     fn sub_horizons(&self) -> usize {
         M::SUB_HORIZONS
@@ -332,7 +353,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
             let family = Family::<f64, D>::new(c, i);
             let state = self.material.state(constants, shape, family);
             out[i] = family.integrate(|b| self.material.force(&state, b).outer(b.xi()));
-            across[i] = self.material.out_of_plane_stress(constants, &out[i]);
+            across[i] = self.material.out_of_plane_stress(constants, shape, family, &out[i]);
         });
     }
     fn half_bond_energies(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]) {

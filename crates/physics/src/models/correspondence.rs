@@ -82,6 +82,7 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
     const MEMORY: usize = L::MEMORY;
     const RATE: bool = L::RATE;
     const CONSERVATIVE: bool = L::HYPERELASTIC;
+    const REBUILT: bool = true;
     const STORED_INFLUENCE: bool = I::STORED;
     type Constants = L::Constants;
     /// K⁻¹ and A
@@ -127,7 +128,7 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
             self.law.commit(c, &self.deformation(L::RATE, L::MEMORY, inverse, h), point);
         }
     }
-    fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
-        self.law.stiffness(c).out_of_plane_stress(s)
+    fn out_of_plane_stress(&self, c: &L::Constants, (inverse, _): &Self::Shape, h: Family<f64, D>, _: &Matrix<f64, D>) -> f64 {
+        self.law.out_of_plane_stress(c, &self.deformation(L::RATE, L::MEMORY, inverse, h))
     }
 }

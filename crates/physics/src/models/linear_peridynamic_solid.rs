@@ -116,7 +116,7 @@ impl<I: Influence, const D: usize> Material<D> for LinearPeridynamicSolid<I> {
         let theta = first * (d / m);
         theta * theta * (0.5 * (c.bulk - alpha * m / (d * d))) + square * (0.5 * alpha)
     }
-    fn out_of_plane_stress(&self, c: &Self::Constants, s: &Matrix<f64, D>) -> f64 {
+    fn out_of_plane_stress(&self, c: &Self::Constants, _: &f64, _: Family<f64, D>, s: &Matrix<f64, D>) -> f64 {
         c.out_of_plane * s.trace()
     }
 }
