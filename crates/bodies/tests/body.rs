@@ -309,12 +309,12 @@ fn fields_are_those_of_the_model() {
         Box::new(Assigned::new("l", LinearPeridynamicSolid { omega: Stored }, Constants::Uniform(c), &points, b.chunks()))
     };
     let corrected = |b: &Body<2>| -> Box<dyn Part<2>> {
-        let model = CorrectedCorrespondence::<_, _, _, 5> { law: SaintVenantKirchhoff, control: zero_energy::NoControl, omega: Stored, order: 2 };
+        let model =
+            CorrectedCorrespondence::<_, _, _, 5> { law: SaintVenantKirchhoff, control: zero_energy::NoControl, omega: Stored, order: 2 };
         Box::new(Assigned::new("k", model, Constants::Uniform(constants), &points, b.chunks()))
     };
     let divided = |b: &Body<2>| -> Box<dyn Part<2>> {
-        let model =
-            SubHorizonCorrespondence::<_, _, 4> { law: SaintVenantKirchhoff, omega: Stored, empty: EmptySubHorizon::Renormalise };
+        let model = SubHorizonCorrespondence::<_, _, 4> { law: SaintVenantKirchhoff, omega: Stored, empty: EmptySubHorizon::Renormalise };
         Box::new(Assigned::new("s", model, Constants::Uniform(constants), &points, b.chunks()))
     };
     let h = [[0.02, -0.01], [0.03, 0.04]];
@@ -340,8 +340,12 @@ fn fields_are_those_of_the_model() {
     };
     let exact = 0.02 * position[corner][0];
     type Make<'a> = &'a dyn Fn(&Body<2>) -> Box<dyn Part<2>>;
-    let all: [(&str, Make, f64); 4] =
-        [("conventional", &conventional, mean), ("linear solid", &linear_solid, mean), ("corrected", &corrected, exact), ("quadrants", &divided, mean)];
+    let all: [(&str, Make, f64); 4] = [
+        ("conventional", &conventional, mean),
+        ("linear solid", &linear_solid, mean),
+        ("corrected", &corrected, exact),
+        ("quadrants", &divided, mean),
+    ];
     for (name, part, want) in all {
         let mut b = make(part);
         let got = b.displacement_gradient(&affine);
@@ -371,4 +375,42 @@ fn fields_are_those_of_the_model() {
             assert!((e.0[i][j] - green).abs() < 1e-14, "{:e}", e.0[i][j] - green);
         }
     }
+}
+
+#[test]
+fn lattice_families_share_their_shapes() {
+    // constants point by point are never shared: the same forces, by far less memory
+    let position = lattice(0..70, 0..40);
+    let u = motion(&position);
+    let points: Vec<u32> = (0..position.len() as u32).collect();
+    let constants = Stiffness::isotropic(ELASTIC, 0.0, SECTION);
+    let run = |constants: Constants<Stiffness<2>>| {
+        let mut b = body(&position, 3.015, &[Mirror { axis: 0, at: 0.0 }], true);
+        let model = Correspondence { law: SaintVenantKirchhoff, control: zero_energy::Isotropic::Wan2019, omega: One };
+        let part: Box<dyn Part<2>> = Box::new(Assigned::new("c", model, constants, &points, b.chunks()));
+        b.assign(vec![part]).unwrap();
+        let mut f = vec![0.0; u.len()];
+        b.internal_force(&u, None, &mut f);
+        let whole = b.bytes().2;
+        // broken families have shapes of their own again, and go back
+        let mut saved = DamageState::default();
+        b.save_damage(&mut saved);
+        b.cut(|x, y| (x[0] - 20.0) * (y[0] - 20.0) < 0.0);
+        let mut g = vec![0.0; u.len()];
+        b.internal_force(&u, None, &mut g);
+        b.restore_damage(&saved);
+        let mut again = vec![0.0; u.len()];
+        b.internal_force(&u, None, &mut again);
+        assert_eq!(f, again);
+        (f, g, whole)
+    };
+    let (shared, own) = (run(Constants::Uniform(constants)), run(Constants::PerPoint(vec![constants; points.len()])));
+    for (a, b) in [(&shared.0, &own.0), (&shared.1, &own.1)] {
+        let worst = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst <= 1e-12 * largest(a), "{worst:e} of {:e}", largest(a));
+    }
+    let each = own.2 as f64 / points.len() as f64 - size_of::<Stiffness<2>>() as f64;
+    let few = shared.2 as f64 / points.len() as f64;
+    println!("bytes a point: {few:.1} shared, {each:.1} else");
+    assert!(few < 0.5 * each);
 }

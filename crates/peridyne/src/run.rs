@@ -1,6 +1,7 @@
 //! A run: the deck's solver over the assembled body, with what is observed on the way and written at the end.
 
 use crate::deck::{self, Auto, Deck, DeckErrors, FieldComponent, Moment, Solver};
+use crate::field_units::unit_of;
 use crate::output::picture::{self, Deformation, Options, Range, Shown, View};
 use crate::output::plot::{Axis, Curve, Plot, Style};
 use crate::output::summary::{Constant, Exit, Sizes, Summary, Timing, Verdict};
@@ -736,7 +737,11 @@ impl<'a> Recorder<'a> {
                 options.view = View { azimuth: view.azimuth.value.to_degrees(), elevation: view.elevation.value.to_degrees() };
             }
             let file = frame.map_or_else(|| format!("{name}.png"), |k| format!("{name}_{k:04}.png"));
-            picture::draw(&body, &Shown { name: &label, unit: None, values: &shown }, &options)?.write(&folder.join(file))?;
+            let units = &self.problem.deck.units;
+            options.length_unit = unit_of(FieldName::Displacement, units);
+            let unit = FieldName::parse(p.field.field.name()).and_then(|field| unit_of(field, units));
+            let shown = Shown { name: &label, unit: unit.as_deref(), values: &shown };
+            picture::draw(&body, &shown, &options)?.write(&folder.join(file))?;
         }
         Ok(())
     }

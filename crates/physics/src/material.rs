@@ -28,8 +28,6 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     /// opposite at both ends but for that word. Then a point needs no more than its neighbours' words to sum both halves of each
     /// pair by itself: no force is written to a neighbour.
     const PAIRWISE: bool = false;
-    /// Whether [`reshape`](Self::reshape) makes the bonds that are left stiffer, so that the stable step must be watched when bonds break.
-    const REBUILT: bool = false;
     /// Sub-horizons whose membership is stored with the bonds.
     const SUB_HORIZONS: usize = 0;
     /// Whether the influence is stored with the bonds.
@@ -47,6 +45,10 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     /// The shape after bonds of the family broke; by default the reference shape is kept.
     fn reshape(&self, _: &Self::Constants, shape: &Self::Shape, _: Reference<D>) -> Result<Self::Shape, SingularFamily> {
         Ok(*shape)
+    }
+    /// Whether [`reshape`](Self::reshape) makes the bonds that are left stiffer, so that the stable step must be watched when bonds break.
+    fn rebuilds(&self, _: &Self::Constants) -> bool {
+        false
     }
     /// What the deformed family reduces to.
     fn state<S: Scalar>(&self, constants: &Self::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum>;

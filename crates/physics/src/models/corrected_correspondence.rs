@@ -291,7 +291,6 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
     const MEMORY: usize = L::MEMORY;
     const RATE: bool = L::RATE;
     const CONSERVATIVE: bool = L::HYPERELASTIC;
-    const REBUILT: bool = true;
     const STORED_INFLUENCE: bool = I::STORED;
     type Constants = L::Constants;
     type Shape = CorrectedShape<Z::Shape, D, M>;
@@ -310,6 +309,9 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
         coefficients.iter_mut().flatten().for_each(|c| *c *= scale);
         let control = self.control.shape(&self.law.stiffness(c), &inverse, self.omega, h);
         Ok(CorrectedShape { coefficients, scale, used: monomial_count(D, order), lowered: order < self.order, tensor, control })
+    }
+    fn rebuilds(&self, _: &L::Constants) -> bool {
+        true
     }
     fn reshape(&self, c: &L::Constants, _: &Self::Shape, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
         self.shape(c, h)

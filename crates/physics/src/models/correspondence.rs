@@ -82,7 +82,6 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
     const MEMORY: usize = L::MEMORY;
     const RATE: bool = L::RATE;
     const CONSERVATIVE: bool = L::HYPERELASTIC;
-    const REBUILT: bool = true;
     const STORED_INFLUENCE: bool = I::STORED;
     type Constants = L::Constants;
     /// K⁻¹ and A
@@ -94,6 +93,9 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
         let k: Matrix<f64, D> = h.integrate(|b| b.xi().outer(b.xi()) * self.omega.at(b));
         let inverse = k.inverse_if_regular(FLAT_FAMILY).ok_or(SingularFamily)?;
         Ok((inverse, self.control.shape(&self.law.stiffness(c), &inverse, self.omega, h)))
+    }
+    fn rebuilds(&self, _: &L::Constants) -> bool {
+        true
     }
     fn reshape(&self, c: &L::Constants, _: &Self::Shape, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
         self.shape(c, h)

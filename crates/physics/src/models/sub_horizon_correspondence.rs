@@ -147,7 +147,6 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
     const MEMORY: usize = N * L::MEMORY;
     const RATE: bool = L::RATE;
     const CONSERVATIVE: bool = L::HYPERELASTIC;
-    const REBUILT: bool = true;
     const STORED_INFLUENCE: bool = I::STORED;
     const SUB_HORIZONS: usize = N;
     type Constants = L::Constants;
@@ -176,6 +175,9 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
             EmptySubHorizon::ZeroEnergy { of } => 1.0 / f64::from(of),
         };
         Ok(shape)
+    }
+    fn rebuilds(&self, _: &L::Constants) -> bool {
+        true
     }
     fn reshape(&self, c: &L::Constants, _: &Self::Shape, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
         self.shape(c, h)

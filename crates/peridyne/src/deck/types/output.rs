@@ -80,7 +80,9 @@ impl FieldName {
     pub fn components(&self) -> &'static [&'static str] {
         match self {
             FieldName::Displacement | FieldName::Velocity | FieldName::ForceDensity => &["x", "y", "z", "magnitude"],
-            FieldName::Strain | FieldName::ExtendedStrain | FieldName::Stress | FieldName::Curvature | FieldName::Moment => &["xx", "yy", "zz", "yz", "xz", "xy"],
+            FieldName::Strain | FieldName::ExtendedStrain | FieldName::Stress | FieldName::Curvature | FieldName::Moment => {
+                &["xx", "yy", "zz", "yz", "xz", "xy"]
+            }
             FieldName::DeformationGradient => &["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"],
             _ => &[],
         }
