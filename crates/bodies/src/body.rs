@@ -33,8 +33,6 @@ pub struct Approach {
     pub ratio: f64,
     /// The points (sorted index) of that bond.
     pub pair: (usize, usize),
-    /// Smallest (|Y|/|ξ|)ᵖ, at most 1: the stable step of that bond alone shrinks by as much.
-    pub stiffening: f64,
     /// Smallest |Y| over the speed at which it shrinks.
     pub time: f64,
     /// Smallest |Y| − [`STIFFENS`] |ξ|.
@@ -324,20 +322,54 @@ impl<const D: usize> Body<D> {
         both.into_iter().unzip()
     }
 
-    /// Nonlocal deformation gradient minus 1 per point: the shape-tensor average of the intact family; zero where the
-    /// family is flat.
+    /// Nonlocal deformation gradient minus 1 per point, as its material sees it: of the intact family with the influence of the material;
+    /// of corrected correspondence with its weights, of sub-horizons the mean over them. Zero where the family is flat.
     pub fn displacement_gradient(&mut self, u: &[f64]) -> Vec<Matrix<f64, D>> {
         self.forward(u, None);
-        self.per_point(Matrix::zero(), |_, c, out| {
-            let view = c.configuration();
-            for i in 0..c.owned {
-                let family = physics::family::Family::<f64, D>::new(&view, i);
-                let (k, a): (Matrix<f64, D>, Matrix<f64, D>) = family.integrate(|b| (b.xi().outer(b.xi()), b.eta().outer(b.xi())));
-                if let Some(inverse) = k.inverse_if_regular(physics::models::FLAT_FAMILY) {
-                    out[i] = a * inverse;
-                }
+        self.per_point(Matrix::zero(), |k, c, out| {
+            for part in &self.parts {
+                part.displacement_gradient(k, &c.configuration(), out);
             }
         })
+    }
+
+    /// Nonlocal strain of extended correspondence per point, NaN where the material is another.
+    pub fn extended_strain(&mut self, u: &[f64]) -> Vec<Matrix<f64, D>> {
+        self.forward(u, None);
+        self.per_point(Matrix::scaled_identity(f64::NAN), |k, c, out| {
+            for part in &self.parts {
+                part.extended_strain(k, &c.configuration(), out);
+            }
+        })
+    }
+
+    /// Trace of the stiffness of the family of each of the given points (sorted index), at the displacements last handed out by
+    /// [`forward`](Self::forward) \[N/m\].
+    pub fn family_traces(&self, points: &[usize]) -> Vec<f64> {
+        let traces = points.par_chunks(256).map(|points| {
+            let (mut scratch, mut dense) = (StiffnessScratch::default(), vec![]);
+            let trace = |&p: &usize| {
+                let c = &self.chunks[p / self.chunk_points];
+                // a family couples its own point and at most every far end
+                let most = (1 + c.slots(p - c.first).len()) * D;
+                dense.resize(most * most, 0.0);
+                let n = self.family_stiffness(&mut scratch, p, &mut dense);
+                (0..n).map(|q| dense[q * n + q]).sum()
+            };
+            points.iter().map(trace).collect::<Vec<f64>>()
+        });
+        let traces: Vec<Vec<f64>> = traces.collect();
+        traces.into_iter().flatten().collect()
+    }
+
+    /// Whether breaking stiffens the bonds that are left in some material.
+    pub fn is_rebuilt(&self) -> bool {
+        self.parts.iter().any(|p| p.is_rebuilt())
+    }
+
+    /// Whether bonds of some material stiffen without bound as they collapse.
+    pub fn collapses(&self) -> bool {
+        self.parts.iter().any(|p| p.collapse())
     }
 
     /// Smallest |Y|/|ξ| of the intact bonds per point; 1 where none is left.
@@ -357,20 +389,15 @@ impl<const D: usize> Body<D> {
         })
     }
 
-    /// How the intact bonds approach collapse at `(u, v)`: over the points of materials whose bonds stiffen then, ties in sorted order.
-    /// `None` where no material does.
-    pub fn approach(&mut self, u: &[f64], v: &[f64]) -> Option<Approach> {
-        let powers: Vec<Option<f64>> = self.parts.iter().map(|p| p.collapse()).collect();
-        if powers.iter().all(Option::is_none) {
-            return None;
-        }
+    /// How the intact bonds approach collapse at `(u, v)`: of the materials whose bonds stiffen then, or of all; ties in sorted order.
+    pub fn approach(&mut self, u: &[f64], v: &[f64], all: bool) -> Approach {
         self.forward(u, None);
+        let none = Approach { ratio: f64::INFINITY, pair: (0, 0), time: f64::INFINITY, gap: f64::INFINITY };
         let parts = &self.parts;
         let each = self.chunks.par_iter().enumerate().map(|(k, c)| {
-            let mut a = Approach { ratio: f64::INFINITY, pair: (0, 0), stiffening: 1.0, time: f64::INFINITY, gap: f64::INFINITY };
+            let mut a = none;
             let view = c.configuration();
-            for (part, power) in parts.iter().zip(&powers) {
-                let Some(power) = *power else { continue };
+            for part in parts.iter().filter(|p| all || p.collapse()) {
                 for &i in part.points(k) {
                     let near = (c.first + i as usize) * D;
                     physics::family::Family::<f64, D>::new(&view, i as usize).each(|b| {
@@ -389,7 +416,6 @@ impl<const D: usize> Body<D> {
                         if closing > 0.0 {
                             a.time = a.time.min(length * length / closing);
                         }
-                        a.stiffening = a.stiffening.min(ratio.powf(power));
                         a.gap = a.gap.min(length - STIFFENS * reference);
                         if ratio < a.ratio || ratio.is_nan() {
                             (a.ratio, a.pair) = (ratio, (near / D, far / D));
@@ -400,9 +426,9 @@ impl<const D: usize> Body<D> {
             a
         });
         let each: Vec<Approach> = each.collect();
-        each.into_iter().reduce(|a, b| {
+        each.into_iter().fold(none, |a, b| {
             let closest = if b.ratio < a.ratio || b.ratio.is_nan() { b } else { a };
-            Approach { stiffening: a.stiffening.min(b.stiffening), time: a.time.min(b.time), gap: a.gap.min(b.gap), ..closest }
+            Approach { time: a.time.min(b.time), gap: a.gap.min(b.gap), ..closest }
         })
     }
 
@@ -495,10 +521,11 @@ impl<const D: usize> Body<D> {
     }
 
     /// Stiffness of the family of `point` over the points that [`couplings`](Self::couplings) lists for it, at the
-    /// displacements last handed out by [`forward`](Self::forward): dense, row-major, overwritten.
-    pub fn family_stiffness(&self, scratch: &mut StiffnessScratch<D>, point: usize, dense: &mut [f64]) {
+    /// displacements last handed out by [`forward`](Self::forward): dense, row-major, overwritten (its first rows × rows words). Returns the
+    /// number of rows.
+    pub fn family_stiffness(&self, scratch: &mut StiffnessScratch<D>, point: usize, dense: &mut [f64]) -> usize {
         let (c, i) = self.bond_stiffness(scratch, point);
-        c.expand(i, &scratch.bonds, &mut scratch.list, &mut scratch.sums, dense);
+        c.expand(i, &scratch.bonds, &mut scratch.list, &mut scratch.sums, dense)
     }
 
     /// Stiffness of a family over its intact bonds, into `scratch.bonds`; its chunk and local index.
@@ -643,7 +670,7 @@ impl<const D: usize> Chunk<D> {
 
     /// From bonds to points: the stiffness of a family over its own point and the distinct far points (broken ones keep
     /// zero rows), mirror images folded onto their points.
-    fn expand(&self, i: usize, bonds: &[f64], list: &mut MemberScratch<D>, sums: &mut Vec<f64>, dense: &mut [f64]) {
+    fn expand(&self, i: usize, bonds: &[f64], list: &mut MemberScratch<D>, sums: &mut Vec<f64>, dense: &mut [f64]) -> usize {
         self.members(i, list);
         let n = list.members.len() * D;
         dense.fill(0.0);
@@ -684,6 +711,7 @@ impl<const D: usize> Chunk<D> {
         for (d, s) in dense[..D * n].iter_mut().zip(sums.iter()) {
             *d += s;
         }
+        n
     }
 }
 

@@ -15,6 +15,7 @@ mod orientation;
 pub mod part;
 pub mod points;
 pub mod region;
+mod shared;
 pub mod sort;
 pub mod spectrum;
 pub mod structure;

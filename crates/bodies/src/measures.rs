@@ -10,10 +10,13 @@ pub enum FieldName {
     Displacement,
     /// u̇ \[m/s\]
     Velocity,
-    /// Nonlocal F.
+    /// Nonlocal F as the material sees it: with its influence function; of corrected correspondence with its weights, of sub-horizons the mean
+    /// over those that carry energy.
     DeformationGradient,
     /// Green–Lagrange strain of the nonlocal F.
     Strain,
+    /// Nonlocal strain of extended correspondence, in the measure of its exponent; NaN in other materials.
+    ExtendedStrain,
     /// Cauchy stress σ = P Fᵀ/J, with J of the dimensions of the body (in plane stress and in a bar per reference thickness or
     /// section: their change is not known to every model) \[Pa\], P = ∫ T ⊗ ξ dV′.
     Stress,
@@ -47,11 +50,12 @@ pub enum FieldName {
 
 impl FieldName {
     /// All fields.
-    pub const ALL: [FieldName; 18] = [
+    pub const ALL: [FieldName; 19] = [
         FieldName::Displacement,
         FieldName::Velocity,
         FieldName::DeformationGradient,
         FieldName::Strain,
+        FieldName::ExtendedStrain,
         FieldName::Stress,
         FieldName::VonMises,
         FieldName::Dilatation,
@@ -74,6 +78,7 @@ impl FieldName {
             FieldName::Velocity => "velocity",
             FieldName::DeformationGradient => "deformation_gradient",
             FieldName::Strain => "strain",
+            FieldName::ExtendedStrain => "extended_strain",
             FieldName::Stress => "stress",
             FieldName::VonMises => "von_mises",
             FieldName::Dilatation => "dilatation",
@@ -94,7 +99,12 @@ impl FieldName {
     pub fn words(self) -> usize {
         match self {
             FieldName::Displacement | FieldName::Velocity | FieldName::ForceDensity => 3,
-            FieldName::DeformationGradient | FieldName::Strain | FieldName::Stress | FieldName::Curvature | FieldName::Moment => 9,
+            FieldName::DeformationGradient
+            | FieldName::Strain
+            | FieldName::ExtendedStrain
+            | FieldName::Stress
+            | FieldName::Curvature
+            | FieldName::Moment => 9,
             _ => 1,
         }
     }
@@ -141,6 +151,7 @@ impl<const D: usize> Structure<D> {
                 let green = |h: &Matrix<f64, D>| h.symmetric() + h.transpose() * *h * 0.5;
                 self.gradients(u).iter().flat_map(|h| spatial(&green(h), 0.0)).collect()
             }
+            FieldName::ExtendedStrain => self.body.extended_strain(u).iter().flat_map(|e| spatial(e, 0.0)).collect(),
             FieldName::Dilatation => self.gradients(u).iter().map(|h| (Matrix::identity() + *h).determinant() - 1.0).collect(),
             FieldName::Stress | FieldName::VonMises | FieldName::Pressure => {
                 let stress = self.cauchy(u, v);
@@ -180,7 +191,7 @@ impl<const D: usize> Structure<D> {
                 let f = Matrix::identity() + *h;
                 let j = f.determinant();
                 let sigma = *p * f.transpose() * (1.0 / j);
-                spatial(&sigma, across)
+                spatial(&sigma, across / j)
             })
             .collect()
     }

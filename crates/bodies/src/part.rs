@@ -1,6 +1,7 @@
 //! A part: a material and the points it is assigned to. The loops over families are here, written once for every model.
 
 use crate::chunk::Chunk;
+use crate::shared::{Distinct, Shared};
 use physics::family::{Configuration, Family, Reference};
 use physics::lanes::{Kernel, widest};
 use physics::material::Material;
@@ -75,8 +76,14 @@ pub trait Part<const D: usize>: Send + Sync {
     fn gathers(&self) -> bool;
     /// The state of an owned point of a pairwise model.
     fn state_word(&self, chunk: usize, point: usize, c: &Configuration<f64>) -> f64;
-    /// How the stiffness of a collapsing bond grows: see [`Material::collapse`].
-    fn collapse(&self) -> Option<f64>;
+    /// Whether bonds stiffen without bound as they collapse: see [`Material::collapse`].
+    fn collapse(&self) -> bool;
+    /// Whether breaking stiffens the bonds that are left: see [`Material::rebuilds`].
+    fn is_rebuilt(&self) -> bool;
+    /// `F − 1` as the material sees it, into the entries of owned points.
+    fn displacement_gradient(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>]);
+    /// The nonlocal strain of extended correspondence, into the entries of owned points of such a material.
+    fn extended_strain(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>]);
     /// Sub-horizons whose membership the bonds must store.
     fn sub_horizons(&self) -> usize;
     /// What the shapes had to do without, and in how many families.
@@ -94,8 +101,8 @@ pub struct Assigned<M: Material<D>, const D: usize> {
     points: Vec<(usize, Vec<u32>)>,
     /// Position of each owned point among the part's points, per chunk.
     place: Vec<Vec<u32>>,
-    shapes: Vec<Vec<M::Shape>>,
-    saved: Vec<Vec<M::Shape>>,
+    shapes: Vec<Shared<M::Shape>>,
+    saved: Vec<Shared<M::Shape>>,
     /// Pairwise, with a radial influence and one horizon for the whole body.
     gathers: bool,
 }
@@ -137,7 +144,7 @@ impl<M: Material<D>, const D: usize> Assigned<M, D> {
     #[inline(always)]
     fn each(&self, chunk: usize, mut f: impl FnMut(usize, &M::Constants, &M::Shape)) {
         let (first, points) = &self.points[chunk];
-        for (&i, shape) in points.iter().zip(&self.shapes[chunk]) {
+        for (&i, shape) in points.iter().zip(self.shapes[chunk].iter()) {
             f(i as usize, self.constants.at(first + i as usize), shape);
         }
     }
@@ -250,15 +257,33 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     fn stores_influence(&self) -> bool {
         M::STORED_INFLUENCE
     }
-    fn collapse(&self) -> Option<f64> {
+    fn collapse(&self) -> bool {
         self.material.collapse()
+    }
+    fn is_rebuilt(&self) -> bool {
+        match &self.constants {
+            Constants::Uniform(c) => self.material.rebuilds(c),
+            Constants::PerPoint(all) => all.iter().any(|c| self.material.rebuilds(c)),
+        }
+    }
+    fn displacement_gradient(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>]) {
+        self.each(chunk, |i, constants, shape| {
+            out[i] = self.material.displacement_gradient(constants, shape, Family::<f64, D>::new(c, i));
+        });
+    }
+    fn extended_strain(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>]) {
+        self.each(chunk, |i, constants, shape| {
+            if let Some(strain) = self.material.extended_strain(constants, shape, Family::<f64, D>::new(c, i)) {
+                out[i] = strain;
+            }
+        });
     }
     fn sub_horizons(&self) -> usize {
         M::SUB_HORIZONS
     }
     fn shortfalls(&self) -> BTreeMap<&'static str, usize> {
         let mut all = BTreeMap::new();
-        for what in self.shapes.iter().flatten().filter_map(|s| self.material.shortfall(s)) {
+        for what in self.shapes.iter().flat_map(Shared::iter).filter_map(|s| self.material.shortfall(s)) {
             *all.entry(what).or_default() += 1;
         }
         all
@@ -268,7 +293,9 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     }
     fn make_shapes(&mut self, chunks: &[Chunk<D>]) -> Vec<(usize, usize)> {
         use rayon::prelude::*;
-        type Made<S> = Result<Vec<S>, Vec<usize>>;
+        type Made<S> = Result<Shared<S>, Vec<usize>>;
+        // shapes as small as an index, or of constants that differ, are not worth a search
+        let share = matches!(self.constants, Constants::Uniform(_)) && size_of::<M::Shape>() > 2 * size_of::<u32>();
         let made: Vec<Made<M::Shape>> = self
             .points
             .par_iter()
@@ -276,13 +303,20 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
             .map(|((first, points), chunk)| {
                 let c = chunk.configuration();
                 let mut singular = vec![];
-                let mut shapes = Vec::with_capacity(points.len());
+                let mut shapes = Shared::with_capacity(points.len());
+                let mut distinct = Distinct::<D>::new(M::SUB_HORIZONS, M::STORED_INFLUENCE);
                 for &i in points {
+                    let same = if share { distinct.find(&c, i as usize, shapes.distinct()) } else { None };
+                    if let Some(same) = same {
+                        shapes.push_same(same);
+                        continue;
+                    }
                     match self.material.shape(self.constants.at(first + i as usize), Reference::new(&c, i as usize)) {
                         Ok(shape) => shapes.push(shape),
                         Err(_) => singular.push(i as usize),
                     }
                 }
+                shapes.seal();
                 if singular.is_empty() { Ok(shapes) } else { Err(singular) }
             })
             .collect();
@@ -304,7 +338,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         let old = self.shapes[chunk][place as usize];
         match self.material.reshape(self.constants.at(self.points[chunk].0 + point), &old, Reference::new(c, point)) {
             Ok(shape) => {
-                self.shapes[chunk][place as usize] = shape;
+                self.shapes[chunk].set(place as usize, shape);
                 true
             }
             Err(_) => false,
@@ -337,7 +371,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
             let family = Family::<f64, D>::new(c, i);
             let state = self.material.state(constants, shape, family);
             out[i] = family.integrate(|b| self.material.force(&state, b).outer(b.xi()));
-            across[i] = self.material.out_of_plane_stress(constants, &out[i]);
+            across[i] = self.material.out_of_plane_stress(constants, shape, family, &out[i]);
         });
     }
     fn half_bond_energies(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]) {
@@ -411,7 +445,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         state.word(0)
     }
     fn bytes(&self) -> usize {
-        let shapes: usize = self.shapes.iter().map(|s| s.len() * size_of::<M::Shape>()).sum();
+        let shapes: usize = self.shapes.iter().map(Shared::bytes).sum();
         let constants = match &self.constants {
             Constants::Uniform(_) => size_of::<M::Constants>(),
             Constants::PerPoint(v) => v.len() * size_of::<M::Constants>(),

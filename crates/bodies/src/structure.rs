@@ -94,8 +94,8 @@ pub struct Structure<const D: usize> {
     pub broken: Broken,
     /// Evaluations of all bonds, for throughput: force, and tangent products.
     pub evaluations: (u64, u64),
-    /// Smallest |Y|/|ξ| seen, where bonds stiffen as they collapse, and the way that points may still go before that matters.
-    closest: (f64, f64),
+    closest: Closest,
+    fractured: Fractured,
     /// Length of a step used to differentiate prescribed displacements.
     time_scale: f64,
     /// Whether products with the stiffness of the undeformed body may come from small forces, once that was tried.
@@ -106,8 +106,28 @@ pub struct Structure<const D: usize> {
 #[derive(Clone, Default)]
 struct Work {
     done: f64,
+    /// Whether there is a state to go on from.
+    begun: bool,
     u: Vec<f64>,
     force: Vec<f64>,
+}
+
+/// How close points have come, where bonds stiffen as they collapse.
+struct Closest {
+    /// Smallest |Y|/|ξ| seen.
+    ever: f64,
+    /// Smallest |Y|/|ξ| at the last look, 1 where none is small enough to matter.
+    now: f64,
+    /// The way that points may still go before that matters.
+    gap: f64,
+}
+
+/// How bonds stiffen as others break, where shapes are rebuilt.
+struct Fractured {
+    /// Largest trace of the stiffness of a family over the mass of its point, at the start of the run.
+    start: Option<f64>,
+    /// The largest since then over it, at least 1.
+    growth: f64,
 }
 
 impl<const D: usize> Structure<D> {
@@ -163,13 +183,14 @@ impl<const D: usize> Structure<D> {
             pattern: None,
             saved: DamageState::default(),
             saved_work: None,
-            work: Work { done: 0.0, u: vec![0.0; n * D], force: vec![0.0; n * D] },
+            work: Work { done: 0.0, begun: false, u: vec![0.0; n * D], force: vec![0.0; n * D] },
             work_open: true,
             scratch: vec![0.0; n * D],
             external: vec![],
             broken: Broken::default(),
             evaluations: (0, 0),
-            closest: (f64::INFINITY, 0.0),
+            closest: Closest { ever: f64::INFINITY, now: 1.0, gap: 0.0 },
+            fractured: Fractured { start: None, growth: 1.0 },
             time_scale: duration,
             small_forces: None,
             body,
@@ -265,12 +286,18 @@ impl<const D: usize> Structure<D> {
     }
 
     /// The first thing wrong with a state: not a number, or runaway.
-    fn check(&self, t: f64, u: &[f64], f: &[f64]) -> Result<(), Stop> {
+    fn check(&mut self, t: f64, u: &[f64], f: &[f64]) -> Result<(), Stop> {
         let limit = RUNAWAY * self.size;
         let wrong = |q: usize| u[q].is_nan() || u[q].abs() > limit || !f[q].is_finite();
         let Some(dof) = (0..u.len()).find(|&q| wrong(q)) else { return Ok(()) };
         let p = dof / D;
         let x = self.body.position()[p];
+        if u.iter().all(|u| u.is_finite()) {
+            let approach = self.body.approach(u, &vec![0.0; u.len()], true);
+            if approach.ratio <= 0.0 {
+                return Err(Stop::new(format!("at time {t:.6e} {}", self.have_met(approach.pair, approach.ratio))));
+            }
+        }
         let (what, cause) = if u[dof].is_nan() || f[dof].is_nan() {
             ("is not a number", "two points met, a family turned inside out, or an expression of a condition has no value there")
         } else {
@@ -349,6 +376,12 @@ impl<const D: usize> Structure<D> {
             driving[dof as usize] -= force[dof as usize];
         }
         let work = &mut self.work;
+        if !std::mem::replace(&mut work.begun, true) && !self.statics {
+            // what is prescribed at the start of a motion is its initial state, not work
+            work.u.copy_from_slice(u);
+            work.force = driving;
+            return;
+        }
         work.done += ordered_sum(u.len(), |q| 0.5 * (driving[q] + work.force[q]) * (u[q] - work.u[q]));
         work.u.copy_from_slice(u);
         self.external = std::mem::replace(&mut work.force, driving);
@@ -369,12 +402,42 @@ impl<const D: usize> Structure<D> {
         let worst = found.iter().fold(0.0f64, |m, f| m.max(f.1));
         // ties break together: the threshold is a shade below the fraction of the worst
         let limit = if all { 0.0 } else { worst * least * (1.0 - 1e-9) };
-        let broken = self.body.break_bonds(found.into_iter().filter(|f| f.1 >= limit).map(|f| f.0));
+        let start = (!self.statics && self.body.is_rebuilt()).then(|| self.stiffness_at_start(u));
+        let (broken, touched) = self.body.break_and_tell(found.into_iter().filter(|f| f.1 >= limit).map(|f| f.0));
+        if let Some(start) = start {
+            self.fractured.growth = self.fractured.growth.max(self.largest_trace(&touched) / start);
+        }
         total.bonds += broken.bonds;
         total.released += broken.released;
         self.broken.bonds += total.bonds;
         self.broken.released += total.released;
         total
+    }
+
+    /// Largest trace of the stiffness of a family over the mass of its point, of the given ones, at the displacements handed out.
+    fn largest_trace(&self, points: &[usize]) -> f64 {
+        points.iter().zip(self.body.family_traces(points)).fold(0.0, |m, (&p, k)| m.max(k / self.mass[p * D]))
+    }
+
+    /// The same of the body (a sample of it where it is large) before anything breaks in the run.
+    fn stiffness_at_start(&mut self, u: &[f64]) -> f64 {
+        const SAMPLE: usize = 2000;
+        if let Some(start) = self.fractured.start {
+            return start;
+        }
+        self.body.forward(u, None);
+        let n = self.body.points();
+        let sample: Vec<usize> = (0..n).step_by(n.div_ceil(SAMPLE)).collect();
+        *self.fractured.start.insert(self.largest_trace(&sample))
+    }
+
+    /// What is said of two points that have met, `ratio` = |Y|/|ξ|.
+    fn have_met(&self, (a, b): (usize, usize), ratio: f64) -> String {
+        format!(
+            "points {} and {} have met (|Y| = {ratio:.3e} |ξ|), where the force of their bond has no value; use a material whose bonds resist \
+             collapse (extended correspondence with an exponent of -d/2 or less), a shorter step, or another initial displacement",
+            self.id[a], self.id[b]
+        )
     }
 
     /// In statics: holds every dof of a fragment that no condition holds, so that the stiffness stays regular. A fragment
@@ -484,25 +547,24 @@ impl<const D: usize> Dynamics for Structure<D> {
         // a pair of points comes closer by twice the largest speed at most: until that has used up the gap nothing can happen
         let fastest = v.chunks(D).map(|v| v.iter().map(|v| v * v).sum::<f64>()).fold(0.0, f64::max).sqrt();
         let reach = 2.0 * fastest * step;
-        if self.closest.1 > reach {
-            self.closest.1 -= reach;
+        if self.closest.gap > reach {
+            self.closest.gap -= reach;
             return Ok(step);
         }
-        let Some(approach) = self.body.approach(u, v) else {
-            self.closest.1 = f64::INFINITY;
+        if !self.body.collapses() {
+            self.closest.gap = f64::INFINITY;
             return Ok(step);
-        };
-        self.closest = (self.closest.0.min(approach.ratio), approach.gap - reach);
+        }
+        let approach = self.body.approach(u, v, false);
         if approach.ratio <= 0.0 || approach.ratio.is_nan() {
-            let (a, b) = approach.pair;
-            return Err(Stop::new(format!(
-                "points {} and {} have met (|Y| = {:.3e} |ξ|), where the force of their bond has no value; use an exponent of \
-                 -d/2 or less, or a smaller safety",
-                self.id[a], self.id[b], approach.ratio
-            )));
+            return Err(Stop::new(self.have_met(approach.pair, approach.ratio)));
         }
-        // how much a single bond stiffens (`approach.stiffening`) does not bound the step: a body at rest with a short bond needs none
+        let now = if approach.gap > 0.0 { 1.0 } else { approach.ratio.min(1.0) };
+        self.closest = Closest { ever: self.closest.ever.min(approach.ratio), now, gap: approach.gap - reach };
         Ok(step.min(APPROACH * approach.time))
+    }
+    fn hardness(&self) -> f64 {
+        self.fractured.growth / self.closest.now
     }
     fn accept(&mut self, _: f64, u: &[f64], v: &[f64]) -> Result<bool, Stop> {
         self.body.commit(u, Some(v));
@@ -724,6 +786,6 @@ impl<const D: usize> Simulated for Structure<D> {
         Structure::held_points(self)
     }
     fn closest_approach(&self) -> Option<f64> {
-        self.closest.0.is_finite().then_some(self.closest.0)
+        self.closest.ever.is_finite().then_some(self.closest.ever)
     }
 }

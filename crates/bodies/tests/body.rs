@@ -6,10 +6,14 @@ use bodies::chunk::Link;
 use bodies::damage::{Criterion, DamageState};
 use bodies::neighbors::{Mirror, neighbors_with_mirrors};
 use bodies::part::{Assigned, Constants, Part};
-use physics::constitutive::SaintVenantKirchhoff;
+use physics::constitutive::{LinearElastic, SaintVenantKirchhoff};
 use physics::elasticity::{Isotropic, Section, Stiffness};
-use physics::influence::One;
-use physics::models::{Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
+use physics::influence::{One, Stored};
+use physics::models::{
+    BondBased, BondBasedConstants, BondStrainCalibration, CorrectedCorrespondence, Correspondence, EmptySubHorizon, ExtendedCorrespondence,
+    LinearPeridynamicSolid, LinearPeridynamicSolidConstants, SethHill, SubHorizonCorrespondence,
+};
+use physics::stretch_law::Elastic;
 use physics::zero_energy;
 
 const ELASTIC: Isotropic = Isotropic { young: 3.0, poisson: 0.3 };
@@ -241,4 +245,172 @@ fn exceeding_bonds_are_found_by_stretch_and_by_energy() {
     let (i, j) = b.ends(worst.0);
     assert_eq!((position[i][0] - position[j][0]).abs(), 3.0);
     assert_eq!(position[i][1], position[j][1]);
+}
+
+#[test]
+fn gathered_and_scattered_forces_are_the_same() {
+    // one material on the whole body sums both halves of its pairs at each point; two materials with the same constants scatter
+    let position = lattice(0..70, 0..40);
+    let u = motion(&position);
+    let n = position.len() as u32;
+    let bonds = |parts: &[std::ops::Range<u32>]| {
+        let mut b = body(&position, 3.015, &[Mirror { axis: 0, at: 0.0 }], false);
+        let constants = BondBasedConstants { young: 3.0, section: SECTION, continuum: false };
+        let made: Vec<Box<dyn Part<2>>> = parts
+            .iter()
+            .map(|range| {
+                let points: Vec<u32> = range.clone().collect();
+                let model = BondBased { law: Elastic, omega: One };
+                Box::new(Assigned::new("b", model, Constants::Uniform(constants), &points, b.chunks())) as Box<dyn Part<2>>
+            })
+            .collect();
+        assert_eq!(made[0].gathers(), parts.len() == 1);
+        b.assign(made).unwrap();
+        let mut f = vec![0.0; u.len()];
+        b.internal_force(&u, None, &mut f);
+        f
+    };
+    let (gathered, scattered) = (bonds(std::slice::from_ref(&(0..n))), bonds(&[0..n / 3, n / 3..n]));
+    let worst = gathered.iter().zip(&scattered).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(worst <= 1e-13 * largest(&gathered), "{worst:e} of {:e}", largest(&gathered));
+}
+
+#[test]
+fn fields_are_those_of_the_model() {
+    // an affine map is exact for every model, whatever its weights; a quadratic one tells them apart
+    let position = lattice(0..14, 0..12);
+    let n = position.len();
+    let (volume, horizons, spacing) = (vec![1.0; n], vec![3.015; n], vec![1.0; n]);
+    let found = neighbors_with_mirrors(&position, 2, &spacing, &horizons, &[]).unwrap();
+    // ω = 1/|ξ|, and closed quadrants
+    let make = |part: &dyn Fn(&Body<2>) -> Box<dyn Part<2>>| {
+        let g = Geometry { position: &position, volume: &volume, horizon: &horizons };
+        let mut body = Body::<2>::new(&g, true, 4, |p, out: &mut Vec<Link>| {
+            let x = position[p];
+            out.extend(found.bonds_of(p).map(|b| {
+                let end = found.end(&position, p, b);
+                let xi = [end[0] - x[0], end[1] - x[1]];
+                let sets = (0..4).filter(|k| (0..2).all(|a| xi[a] * if k >> a & 1 == 1 { -1.0 } else { 1.0 } >= 0.0)).map(|k| 1 << k).sum();
+                Link { point: found.index[b], flips: 0, end, weight: 1.0 / xi[0].hypot(xi[1]), sets }
+            }));
+        });
+        let part = part(&body);
+        body.assign(vec![part]).unwrap();
+        body
+    };
+    let points: Vec<u32> = (0..n as u32).collect();
+    let constants = Stiffness::isotropic(ELASTIC, 0.0, SECTION);
+    let conventional = |b: &Body<2>| -> Box<dyn Part<2>> {
+        let model = Correspondence { law: SaintVenantKirchhoff, control: zero_energy::NoControl, omega: Stored };
+        Box::new(Assigned::new("c", model, Constants::Uniform(constants), &points, b.chunks()))
+    };
+    let linear_solid = |b: &Body<2>| -> Box<dyn Part<2>> {
+        let c = LinearPeridynamicSolidConstants::new(ELASTIC, SECTION);
+        Box::new(Assigned::new("l", LinearPeridynamicSolid { omega: Stored }, Constants::Uniform(c), &points, b.chunks()))
+    };
+    let corrected = |b: &Body<2>| -> Box<dyn Part<2>> {
+        let model =
+            CorrectedCorrespondence::<_, _, _, 5> { law: SaintVenantKirchhoff, control: zero_energy::NoControl, omega: Stored, order: 2 };
+        Box::new(Assigned::new("k", model, Constants::Uniform(constants), &points, b.chunks()))
+    };
+    let divided = |b: &Body<2>| -> Box<dyn Part<2>> {
+        let model = SubHorizonCorrespondence::<_, _, 4> { law: SaintVenantKirchhoff, omega: Stored, empty: EmptySubHorizon::Renormalise };
+        Box::new(Assigned::new("s", model, Constants::Uniform(constants), &points, b.chunks()))
+    };
+    let h = [[0.02, -0.01], [0.03, 0.04]];
+    let affine: Vec<f64> = position.iter().flat_map(|x| [h[0][0] * x[0] + h[0][1] * x[1], h[1][0] * x[0] + h[1][1] * x[1]]).collect();
+    // u = 0.01 x² along x: the gradient is 0.02 x
+    let quadratic: Vec<f64> = position.iter().flat_map(|x| [0.01 * x[0] * x[0], 0.0]).collect();
+    let corner = 0;
+    let bonds: Vec<[f64; 2]> = found
+        .bonds_of(corner)
+        .map(|b| {
+            let end = found.end(&position, corner, b);
+            [end[0] - position[corner][0], end[1] - position[corner][1]]
+        })
+        .collect();
+    // the mean of the corner by its definition, with ω = 1/|ξ|
+    let mean = {
+        let sum = |a: &dyn Fn(&[f64; 2]) -> f64| bonds.iter().map(|xi| a(xi) / xi[0].hypot(xi[1])).sum::<f64>();
+        let x0 = position[corner][0];
+        let eta = |xi: &[f64; 2]| 0.01 * ((x0 + xi[0]).powi(2) - x0 * x0);
+        let k = [sum(&|x| x[0] * x[0]), sum(&|x| x[0] * x[1]), sum(&|x| x[1] * x[1])];
+        let a = [sum(&|x| eta(x) * x[0]), sum(&|x| eta(x) * x[1])];
+        (a[0] * k[2] - a[1] * k[1]) / (k[0] * k[2] - k[1] * k[1])
+    };
+    let exact = 0.02 * position[corner][0];
+    type Make<'a> = &'a dyn Fn(&Body<2>) -> Box<dyn Part<2>>;
+    let all: [(&str, Make, f64); 4] = [
+        ("conventional", &conventional, mean),
+        ("linear solid", &linear_solid, mean),
+        ("corrected", &corrected, exact),
+        ("quadrants", &divided, mean),
+    ];
+    for (name, part, want) in all {
+        let mut b = make(part);
+        let got = b.displacement_gradient(&affine);
+        let off = got.iter().flat_map(|m| (0..4).map(move |q| (m.0[q / 2][q % 2] - h[q / 2][q % 2]).abs())).fold(0.0, f64::max);
+        assert!(off < 1e-14, "{name}: {off:e}");
+        // at the corner one quadrant alone is left, which is the whole family
+        let got = b.displacement_gradient(&quadratic)[corner].0[0][0];
+        assert!((got / want - 1.0).abs() < 1e-12, "{name}: {got} {want}");
+        assert!(b.extended_strain(&affine).iter().all(|e| e.0[0][0].is_nan()));
+    }
+    assert!(mean > 2.0 * exact, "the case tells the models apart");
+    let extended = |b: &Body<2>| -> Box<dyn Part<2>> {
+        let model = ExtendedCorrespondence {
+            law: LinearElastic,
+            exponent: SethHill::new(1.0).unwrap(),
+            calibration: BondStrainCalibration::MomentTensor,
+            control: 0.0,
+            omega: Stored,
+        };
+        Box::new(Assigned::new("e", model, Constants::Uniform(constants), &points, b.chunks()))
+    };
+    // m = 1: the Green–Lagrange strain of every uniform F, at corners too
+    for e in make(&extended).extended_strain(&affine) {
+        for q in 0..4 {
+            let (i, j) = (q / 2, q % 2);
+            let green = 0.5 * (h[i][j] + h[j][i] + h[0][i] * h[0][j] + h[1][i] * h[1][j]);
+            assert!((e.0[i][j] - green).abs() < 1e-14, "{:e}", e.0[i][j] - green);
+        }
+    }
+}
+
+#[test]
+fn lattice_families_share_their_shapes() {
+    // constants point by point are never shared: the same forces, by far less memory
+    let position = lattice(0..70, 0..40);
+    let u = motion(&position);
+    let points: Vec<u32> = (0..position.len() as u32).collect();
+    let constants = Stiffness::isotropic(ELASTIC, 0.0, SECTION);
+    let run = |constants: Constants<Stiffness<2>>| {
+        let mut b = body(&position, 3.015, &[Mirror { axis: 0, at: 0.0 }], true);
+        let model = Correspondence { law: SaintVenantKirchhoff, control: zero_energy::Isotropic::Wan2019, omega: One };
+        let part: Box<dyn Part<2>> = Box::new(Assigned::new("c", model, constants, &points, b.chunks()));
+        b.assign(vec![part]).unwrap();
+        let mut f = vec![0.0; u.len()];
+        b.internal_force(&u, None, &mut f);
+        let whole = b.bytes().2;
+        // broken families have shapes of their own again, and go back
+        let mut saved = DamageState::default();
+        b.save_damage(&mut saved);
+        b.cut(|x, y| (x[0] - 20.0) * (y[0] - 20.0) < 0.0);
+        let mut g = vec![0.0; u.len()];
+        b.internal_force(&u, None, &mut g);
+        b.restore_damage(&saved);
+        let mut again = vec![0.0; u.len()];
+        b.internal_force(&u, None, &mut again);
+        assert_eq!(f, again);
+        (f, g, whole)
+    };
+    let (shared, own) = (run(Constants::Uniform(constants)), run(Constants::PerPoint(vec![constants; points.len()])));
+    for (a, b) in [(&shared.0, &own.0), (&shared.1, &own.1)] {
+        let worst = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst <= 1e-12 * largest(a), "{worst:e} of {:e}", largest(a));
+    }
+    let each = own.2 as f64 / points.len() as f64 - size_of::<Stiffness<2>>() as f64;
+    let few = shared.2 as f64 / points.len() as f64;
+    println!("bytes a point: {few:.1} shared, {each:.1} else");
+    assert!(few < 0.5 * each);
 }

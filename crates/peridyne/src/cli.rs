@@ -11,6 +11,7 @@ use crate::verify;
 use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use solvers::velocity_verlet::stable_step;
+use std::collections::BTreeSet;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -204,6 +205,18 @@ fn with_threads(threads: Option<usize>, f: impl FnOnce() -> u8) -> u8 {
 
 fn show(errors: &DeckErrors) -> u8 {
     eprintln!("{errors}");
+    2
+}
+
+/// The same where several runs of a deck are read one after the other: a fault that was told is not told again.
+fn show_new(errors: &DeckErrors, told: &mut BTreeSet<String>) -> u8 {
+    for fault in errors.faults() {
+        let text = fault.to_string();
+        if !told.contains(&text) {
+            eprintln!("{text}");
+            told.insert(text);
+        }
+    }
     2
 }
 
@@ -529,10 +542,11 @@ fn verify_decks(paths: &[PathBuf], json: Option<&Path>, slow: bool) -> u8 {
     let mut report = verify::Report { results: vec![] };
     let (mut status, mut faulty) = (0, 0);
     for path in &decks {
+        let mut told_faults = BTreeSet::new();
         let runs = match Deck::runs(path) {
             Ok(runs) => runs,
             Err(e) => {
-                status = status.max(show(&e));
+                status = status.max(show_new(&e, &mut told_faults));
                 faulty += 1;
                 continue;
             }
@@ -540,7 +554,7 @@ fn verify_decks(paths: &[PathBuf], json: Option<&Path>, slow: bool) -> u8 {
         let study = match Deck::study(path, &[]) {
             Ok(study) => study,
             Err(e) => {
-                status = status.max(show(&e));
+                status = status.max(show_new(&e, &mut told_faults));
                 faulty += 1;
                 continue;
             }
@@ -553,7 +567,7 @@ fn verify_decks(paths: &[PathBuf], json: Option<&Path>, slow: bool) -> u8 {
             let clock = std::time::Instant::now();
             match verify::verify(path, &r.name, only, &mut Quiet, &CANCEL) {
                 Err(e) => {
-                    status = status.max(show(&e));
+                    status = status.max(show_new(&e, &mut told_faults));
                     faulty += 1;
                 }
                 Ok(verdicts) if verdicts.is_empty() => {}
@@ -578,7 +592,7 @@ fn verify_decks(paths: &[PathBuf], json: Option<&Path>, slow: bool) -> u8 {
             }
         };
         if let Err(e) = verify::verify_study(path, &study, slow, &mut told, &CANCEL) {
-            status = status.max(show(&e));
+            status = status.max(show_new(&e, &mut told_faults));
             faulty += 1;
         }
     }

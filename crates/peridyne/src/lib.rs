@@ -7,6 +7,7 @@
 
 pub mod cli;
 pub mod deck;
+mod field_units;
 mod figures;
 pub mod output;
 pub mod point_file;
@@ -18,3 +19,4 @@ pub mod spectrum;
 pub mod study;
 mod thin_registry;
 pub mod verify;
+pub mod zone;

@@ -121,11 +121,17 @@ impl Problem {
         };
         let lonely: Vec<u64> = (0..cloud.len()).filter(|&p| neighbors.bonds_of(p).is_empty()).map(|p| cloud.id[p]).collect();
         if !lonely.is_empty() {
-            issues.push(Issue::new(
-                body.horizon.span,
-                format!("{} points have no neighbour within the horizon, the first is point {}", lonely.len(), lonely[0]),
-                "enlarge the horizon, or remove the points",
-            ));
+            let what = format!("{} points have no neighbour within the horizon, the first is point {}", lonely.len(), lonely[0]);
+            // the visibility test may have taken the last bonds of a point
+            let (what, remedy) = if hidden_bonds > 0 {
+                (
+                    format!("{what}; `visibility` left {} bonds out that cross voids of the body", hidden_bonds / 2),
+                    "turn the test off with `visibility: false`, enlarge the horizon, or remove the points",
+                )
+            } else {
+                (what, "enlarge the horizon, or remove the points")
+            };
+            issues.push(Issue::new(body.horizon.span, what, remedy));
         }
         let cracks = cracks(deck, &mut issues);
         references(deck, &cloud, &sets, &mut issues);

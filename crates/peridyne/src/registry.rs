@@ -207,8 +207,11 @@ fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
             let e = &l.elasticity;
             let source =
                 IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: l.span };
-            let constants =
-                site.constants(source.is_constant(), |x| Ok(LinearPeridynamicSolidConstants::new(source.at(x, section)?, section)))?;
+            let rebuild = matches!(l.weighted_volume, deck::WeightedVolume::Intact);
+            let constants = site.constants(source.is_constant(), |x| {
+                let constants = LinearPeridynamicSolidConstants::new(source.at(x, section)?, section);
+                Ok(if rebuild { constants.rebuilt() } else { constants })
+            })?;
             Ok(Model::LinearPeridynamicSolid(constants))
         }
         deck::Model::ExtendedCorrespondence(m) => extended::<D>(site, m),
@@ -363,11 +366,14 @@ fn law<const D: usize>(site: &Site, law: &LawName) -> Checked<Law<D>> {
             let (uniform, at) = plasticity(j, section);
             Law::Smooth(SmoothLaw::Plastic(site.constants(uniform, |x| Ok(OfStrainConstants { measure, law: at(x)? }))?))
         }
-        LawName::NeoHookean(e) => {
+        LawName::NeoHookean(n) => {
+            let e = &n.elasticity;
             let source =
-                IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span };
-            Law::Smooth(SmoothLaw::Hyperelastic(site.constants(source.is_constant(), |x| {
-                Ok(HyperelasticConstants::NeoHookean(NeoHookeanConstants { elastic: source.at(x, section)?, expansion: 0.0, section }))
+                IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: n.span };
+            let uniform = source.is_constant() && n.thermal_expansion.as_ref().is_none_or(|a| a.constant().is_some());
+            Law::Smooth(SmoothLaw::Hyperelastic(site.constants(uniform, |x| {
+                let expansion = n.thermal_expansion.as_ref().map_or(0.0, |a| a.eval(x, 0.0));
+                Ok(HyperelasticConstants::NeoHookean(NeoHookeanConstants { elastic: source.at(x, section)?, expansion, section }))
             })?))
         }
         LawName::KelvinVoigt(k) => {
@@ -763,7 +769,7 @@ fn isotropic_estimate<const D: usize>(m: &deck::Material, x: [f64; 3], section: 
             LawName::LinearElastic(e) | LawName::SaintVenantKirchhoff(e) => Ok(stiffness_at::<D>(e, x, section)?.average),
             LawName::KelvinVoigt(k) => Ok(stiffness_at::<D>(&k.elasticity, x, section)?.average),
             LawName::J2Plasticity(j) => Ok(plasticity(j, section).1(x)?.elastic),
-            LawName::NeoHookean(e) | LawName::Almansi(e) => {
+            LawName::NeoHookean(deck::NeoHookean { elasticity: e, .. }) | LawName::Almansi(e) => {
                 IsotropicSource { e: &e.youngs_modulus, nu: &e.poisson_ratio, k: &e.bulk_modulus, g: &e.shear_modulus, span: e.span }
                     .at(x, section)
             }

@@ -1,6 +1,7 @@
 //! A run: the deck's solver over the assembled body, with what is observed on the way and written at the end.
 
 use crate::deck::{self, Auto, Deck, DeckErrors, FieldComponent, Moment, Solver};
+use crate::field_units::unit_of;
 use crate::output::picture::{self, Deformation, Options, Range, Shown, View};
 use crate::output::plot::{Axis, Curve, Plot, Style};
 use crate::output::summary::{Constant, Exit, Sizes, Summary, Timing, Verdict};
@@ -18,8 +19,8 @@ use solvers::load_steps::{Equilibrium, LoadSteps, StaticsError};
 use solvers::newton::{LinearSolver, Newton, NewtonOptions};
 use solvers::nonlinear_cg::{NonlinearCg, NonlinearCgOptions};
 use solvers::observe::{Ended, StepReport};
-use solvers::problem::Statics;
-use solvers::velocity_verlet::{Motion, MotionError, VelocityVerlet, stable_step};
+use solvers::problem::{Dynamics, Statics};
+use solvers::velocity_verlet::{Following, Motion, VelocityVerlet, stable_step};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -153,7 +154,12 @@ pub fn run_keeping(
     let setup = clock.elapsed().as_secs_f64();
     let Assembly { mut model, derived, warnings } = assembly;
     let mut recorder = Recorder::new(&problem, &*model, target, wanted)?;
-    let (mut u, v) = initial_state(&problem, Statics::dofs(&*model));
+    let (mut u, mut v) = initial_state(&problem, Statics::dofs(&*model));
+    if matches!(problem.deck.solver, Solver::VelocityVerlet(_)) {
+        // what is prescribed moves from the first instant on: that is part of the initial state, not work
+        model.prescribe_displacement(0.0, &mut u);
+        model.prescribe_velocity(0.0, &mut v);
+    }
     let mut constants: Vec<Constant> = derived.into_iter().map(|(name, value, unit)| Constant { name, value, unit: unit.into() }).collect();
     // the balance of energy counts from the state before the first step
     let start = model.balance(0.0, &u, &v);
@@ -165,38 +171,10 @@ pub fn run_keeping(
     let (exit, steps) = match &problem.deck.solver {
         Solver::VelocityVerlet(options) => {
             model.set_statics(false);
-            let step = match options.step {
-                Auto::Given(q) => q.value,
-                Auto::Auto => match stable_step(&mut *model, 0.0, &u, options.safety.value) {
-                    Ok(s) => s.time_step,
-                    Err(e) => {
-                        let issue = deck::Issue::new(options.span, e.to_string(), "give `step:` in the solver");
-                        return Err(RunError::Deck(problem.deck.errors(vec![issue])));
-                    }
-                },
-            };
-            solver_time += solving.elapsed().as_secs_f64();
-            constants.push(Constant { name: "time step".into(), value: step, unit: "time".into() });
-            let end = options.end.map_or_else(|| step * options.steps.map_or(1, |s| s.value) as f64, |e| e.value);
-            let solver = VelocityVerlet { time_step: step, end, observe_every: 1 };
-            let mut motion = Motion::at_rest(u.len(), 0.0);
-            motion.u.copy_from_slice(&u);
-            motion.v.copy_from_slice(&v);
-            recorder.span = (0.0, end);
-            let result = {
-                let mut observer = |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], v: &[f64]| {
-                    recorder.step(model, report, u, v, progress)
-                };
-                solver.run(&mut *model, &mut motion, &mut observer, Some(cancel))
-            };
-            let exit = match result {
-                Ok(Ended::Completed) => Exit::Completed { time: motion.time },
-                Ok(_) => Exit::Stopped { reason: "stopped by the user".into(), time: motion.time },
-                Err(e) => Exit::Stopped { reason: motion_failure(&e), time: motion.time },
-            };
-            u.copy_from_slice(&motion.u);
-            recorder.last_velocity = motion.v.clone();
-            (exit, motion.step)
+            let ended = motion(&problem, options, &mut *model, &mut u, &v, &mut recorder, progress, cancel)?;
+            solver_time += ended.estimating;
+            constants.push(Constant { name: "time step".into(), value: ended.step, unit: "time".into() });
+            (ended.exit, ended.steps)
         }
         Solver::Statics(options) => {
             model.set_statics(true);
@@ -320,8 +298,72 @@ pub fn run_keeping(
     })
 }
 
-fn motion_failure(e: &MotionError) -> String {
-    e.to_string()
+/// How a motion ended.
+struct Moved {
+    exit: Exit,
+    steps: usize,
+    /// The step at the start.
+    step: f64,
+    /// Seconds that the estimate of the stable step took.
+    estimating: f64,
+}
+
+#[allow(clippy::too_many_arguments)]
+fn motion(
+    problem: &Problem,
+    options: &deck::VelocityVerlet,
+    model: &mut (dyn Simulated + 'static),
+    u: &mut [f64],
+    v: &[f64],
+    recorder: &mut Recorder,
+    progress: &mut dyn Progress,
+    cancel: &AtomicBool,
+) -> Result<Moved, RunError> {
+    let clock = Instant::now();
+    recorder.last_velocity = v.to_vec();
+    // points that meet at the start have no stiffness to estimate a step from
+    let met = model.step_limit(0.0, u, v, f64::MAX).err();
+    let estimate = match options.step {
+        Auto::Given(q) => Ok((q.value, None)),
+        Auto::Auto if met.is_some() => Ok((0.0, None)),
+        Auto::Auto => stable_step(model, 0.0, u, options.safety.value)
+            .map(|s| (s.time_step, Some(Following { safety: options.safety.value, frequency: s.frequency }))),
+    };
+    let (step, following) = match estimate {
+        Ok(found) => found,
+        Err(e) => {
+            let mut force = vec![0.0; u.len()];
+            if let Err(stop) = Dynamics::force(model, 0.0, u, v, &mut force) {
+                let exit = Exit::Stopped { reason: format!("at the start {stop}"), time: 0.0 };
+                return Ok(Moved { exit, steps: 0, step: 0.0, estimating: clock.elapsed().as_secs_f64() });
+            }
+            let issue = deck::Issue::new(options.span, e.to_string(), "give `step:` in the solver");
+            return Err(RunError::Deck(problem.deck.errors(vec![issue])));
+        }
+    };
+    let estimating = clock.elapsed().as_secs_f64();
+    if let Some(stop) = met {
+        return Ok(Moved { exit: Exit::Stopped { reason: format!("at the start {stop}"), time: 0.0 }, steps: 0, step, estimating });
+    }
+    let end = options.end.map_or_else(|| step * options.steps.map_or(1, |s| s.value) as f64, |e| e.value);
+    let solver = VelocityVerlet { time_step: step, end, observe_every: 1, following };
+    let mut motion = Motion::at_rest(u.len(), 0.0);
+    motion.u.copy_from_slice(u);
+    motion.v.copy_from_slice(v);
+    recorder.span = (0.0, end);
+    let result = {
+        let mut observer =
+            |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], v: &[f64]| recorder.step(model, report, u, v, progress);
+        solver.run(model, &mut motion, &mut observer, Some(cancel))
+    };
+    let exit = match result {
+        Ok(Ended::Completed) => Exit::Completed { time: motion.time },
+        Ok(_) => Exit::Stopped { reason: "stopped by the user".into(), time: motion.time },
+        Err(e) => Exit::Stopped { reason: e.to_string(), time: motion.time },
+    };
+    u.copy_from_slice(&motion.u);
+    recorder.last_velocity = motion.v;
+    Ok(Moved { exit, steps: motion.step, step, estimating })
 }
 
 fn statics(
@@ -335,8 +377,9 @@ fn statics(
 ) -> (Exit, usize) {
     let mut last = (program.start, 0);
     let rest = vec![0.0; u.len()];
-    // the unloaded body is the first frame
+    // the unloaded body is the first frame, and the first row of the histories
     recorder.frame(model, 0, program.start, u, &rest);
+    recorder.begin(model, program.start, u, &rest);
     let result = {
         let mut observer = |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], _: &[f64]| {
             last = (report.time, report.step);
@@ -521,6 +564,18 @@ impl<'a> Recorder<'a> {
         if self.failed.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
+    /// The first row of the histories, of the state before the first increment.
+    fn begin(&mut self, model: &mut dyn Simulated, t: f64, u: &[f64], v: &[f64]) {
+        let row = self.scalars(model, 0, t, u, v);
+        if let Some(h) = &mut self.history
+            && let Err(e) = h.append(&row)
+        {
+            self.failed = Some(e);
+        }
+        self.rows.rows.push(row);
+        self.next_row = next_after(self.next_row, self.row_interval(), t, self.span.0);
+    }
+
     fn measure_due(&mut self, model: &mut dyn Simulated, step: usize, t: f64, u: &[f64], v: &[f64], grace: Option<f64>) {
         let problem = self.problem;
         let (due, rest): (Vec<_>, Vec<_>) = std::mem::take(&mut self.pending).into_iter().partition(|p| match (p.time(), grace) {
@@ -682,7 +737,11 @@ impl<'a> Recorder<'a> {
                 options.view = View { azimuth: view.azimuth.value.to_degrees(), elevation: view.elevation.value.to_degrees() };
             }
             let file = frame.map_or_else(|| format!("{name}.png"), |k| format!("{name}_{k:04}.png"));
-            picture::draw(&body, &Shown { name: &label, unit: None, values: &shown }, &options)?.write(&folder.join(file))?;
+            let units = &self.problem.deck.units;
+            options.length_unit = unit_of(FieldName::Displacement, units);
+            let unit = FieldName::parse(p.field.field.name()).and_then(|field| unit_of(field, units));
+            let shown = Shown { name: &label, unit: unit.as_deref(), values: &shown };
+            picture::draw(&body, &shown, &options)?.write(&folder.join(file))?;
         }
         Ok(())
     }

@@ -10,6 +10,7 @@ use crate::output::vtkhdf::FieldFile;
 use crate::output::{OutputError, Snapshot};
 use crate::problem::Problem;
 use crate::registry::{assemble, initial_state};
+use crate::zone;
 use bodies::neighbors::neighbors;
 use bodies::points::{Lattice, PointCloud};
 use bodies::spectrum::{BodyModes, Branch, Found, Search, Symbol, Verdict, body_modes, patch, patch_points, search, wave_vector};
@@ -160,6 +161,8 @@ pub struct MaterialSpectrum {
     pub corners: Vec<(f64, String)>,
     /// The waves asked for.
     pub waves: Vec<Wave>,
+    /// The whole zone, in the plane.
+    pub zone: Vec<zone::Cell>,
 }
 
 /// Everything that was found.
@@ -346,6 +349,7 @@ fn material_spectrum(
         threshold: options.threshold,
         found,
         waves: waves.collect(),
+        zone: if d == 2 && look.refine { zone::map(&symbol, lattice) } else { vec![] },
         path: rows,
         corners,
     })
@@ -683,7 +687,7 @@ impl Report {
         out
     }
 
-    /// Writes `spectrum.csv`, `dispersion.png` and `group_velocity.png` (with the material's name where there are several),
+    /// Writes `spectrum.csv`, `dispersion.png`, `group_velocity.png`, and in the plane `zone.csv` and `zone.png` (with the material's name where there are several),
     /// `modes.csv` and `modes.vtkhdf`, `imposed.csv` and `imposed.png`.
     ///
     /// # Errors
@@ -694,6 +698,9 @@ impl Report {
         for m in &self.materials {
             let suffix = if self.materials.len() == 1 { String::new() } else { format!(".{}", m.name) };
             m.write(folder, title, &suffix, self.dimension)?;
+            if !m.zone.is_empty() {
+                zone::write(&m.zone, folder, &format!("{title}: {}, {}", m.name, m.verdict_text()), &suffix)?;
+            }
         }
         if let Some(modes) = &self.modes {
             let mut table = History::create(&folder.join("modes.csv"), &["mode", "eigenvalue", "frequency"])?;

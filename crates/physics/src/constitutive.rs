@@ -91,6 +91,11 @@ pub trait Law<const D: usize>: Copy + Send + Sync + 'static {
     fn first_piola<R: Scalar>(&self, c: &Self::Constants, f: &Deformation<R, D>) -> Matrix<R, D>;
     /// Energy density ψ \[J/m³\]; 0 for a law that has none.
     fn energy<R: Scalar>(&self, c: &Self::Constants, f: &Deformation<R, D>) -> R;
+    /// Stress across the plane in plane strain (first Piola, which with F₃₃ = 1 is J times Cauchy's), zero else \[Pa\]. The default is that
+    /// of linear elasticity with the law's stiffness.
+    fn out_of_plane_stress(&self, c: &Self::Constants, f: &Deformation<f64, D>) -> f64 {
+        self.stiffness(c).out_of_plane_stress(&self.first_piola(c, f), f.temperature)
+    }
     /// Writes the history of an accepted increment that ended with `f`, given in `memory` what
     /// [`Deformation::memory`] holds.
     fn commit(&self, _: &Self::Constants, _: &Deformation<f64, D>, _memory: &mut [f64]) {}
@@ -125,5 +130,8 @@ impl<L: CauchyLaw<D>, const D: usize> Law<D> for FromCauchy<L> {
     #[inline(always)]
     fn energy<R: Scalar>(&self, _: &Self::Constants, _: &Deformation<R, D>) -> R {
         R::of(0.0)
+    }
+    fn out_of_plane_stress(&self, c: &Self::Constants, f: &Deformation<f64, D>) -> f64 {
+        self.0.stiffness(c).out_of_plane_stress(&self.0.cauchy(c, f).0, f.temperature) * (1.0 + f.volume_growth())
     }
 }

@@ -181,6 +181,8 @@ pub struct Stiffness<const D: usize> {
     pub thermal_energy: f64,
     /// σ₃₃ as a combination of (σ₁₁, σ₂₂, σ₁₂): plane strain only.
     pub out_of_plane: [f64; 3],
+    /// Fall of σ₃₃ per unit temperature change at no stress within the plane: plane strain only \[Pa/K\].
+    pub out_of_plane_thermal: f64,
     /// Isotropic constants of the same Voigt average: strength of zero-energy control.
     pub average: Isotropic,
     /// The section.
@@ -222,6 +224,7 @@ impl<const D: usize> Stiffness<D> {
             thermal: [0.0; 6],
             thermal_energy: energy,
             out_of_plane: [0.0; 3],
+            out_of_plane_thermal: 0.0,
             average: Self::voigt_average(c),
             section,
         };
@@ -235,6 +238,7 @@ impl<const D: usize> Stiffness<D> {
             let block = Matrix::<f64, 3>(array(|i| array(|j| s.voigt[i][j])));
             let inverse = block.inverse();
             s.out_of_plane = array(|j| (0..3).map(|k| c[2][kept[k]] * inverse.0[k][j]).sum());
+            s.out_of_plane_thermal = beta[2] - (0..3).map(|k| s.out_of_plane[k] * s.thermal[k]).sum::<f64>();
         }
         s
     }
@@ -285,12 +289,13 @@ impl<const D: usize> Stiffness<D> {
         s
     }
 
-    /// Plane-strain stress across the plane.
-    pub fn out_of_plane_stress(&self, s: &Matrix<f64, D>) -> f64 {
+    /// Plane-strain stress across the plane, given the stress within and the temperature change.
+    pub fn out_of_plane_stress(&self, s: &Matrix<f64, D>, temperature: f64) -> f64 {
         if D != 2 {
             return 0.0;
         }
-        self.out_of_plane[0] * s.0[0][0] + self.out_of_plane[1] * s.0[1][1] + self.out_of_plane[2] * s.0[0][1]
+        let in_plane = self.out_of_plane[0] * s.0[0][0] + self.out_of_plane[1] * s.0[1][1] + self.out_of_plane[2] * s.0[0][1];
+        in_plane - self.out_of_plane_thermal * temperature
     }
 
     /// Whether C is positive definite.

@@ -1,8 +1,9 @@
 //! The core trait: a peridynamic material is an energy density of the deformed family and its Fréchet derivative.
 
-use crate::family::{Bond, Family, Reference};
+use crate::family::{Bond, Family, Reference, Undeformed};
+use crate::models::FLAT_FAMILY;
 use crate::scalar::{Record, Scalar};
-use crate::tensor::Vector;
+use crate::tensor::{Matrix, Vector};
 
 /// The family cannot carry the model: too few bonds, or all of them in a line or plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +46,10 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     fn reshape(&self, _: &Self::Constants, shape: &Self::Shape, _: Reference<D>) -> Result<Self::Shape, SingularFamily> {
         Ok(*shape)
     }
+    /// Whether [`reshape`](Self::reshape) makes the bonds that are left stiffer, so that the stable step must be watched when bonds break.
+    fn rebuilds(&self, _: &Self::Constants) -> bool {
+        false
+    }
     /// What the deformed family reduces to.
     fn state<S: Scalar>(&self, constants: &Self::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum>;
     /// The force state `T⟨ξ⟩` \[N/m⁶ in 3D\].
@@ -54,16 +59,29 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     /// Writes the history of an accepted increment: `point` holds [`MEMORY`](Self::MEMORY) words, `bonds[k]` word `k`
     /// of the family's slots, from its first one.
     fn commit(&self, _: &Self::Constants, _: &Self::Shape, _: Family<f64, D>, _point: &mut [f64], _bonds: &mut [&mut [f64]]) {}
-    /// p, where the stiffness of a bond grows with (|Y|/|ξ|)⁻²ᵖ when its ends meet: explicit steps must then shrink with it.
-    fn collapse(&self) -> Option<f64> {
-        None
+    /// Whether a bond stiffens without bound as its ends meet: explicit steps must then resolve it.
+    fn collapse(&self) -> bool {
+        false
     }
     /// What the shape had to do without in a family that is too poor, for the log.
     fn shortfall(&self, _: &Self::Shape) -> Option<&'static str> {
         None
     }
-    /// Stress across the plane (or the bar), given the stress within (two dimensions: plane strain), for output only.
-    fn out_of_plane_stress(&self, _: &Self::Constants, _in_plane: &crate::tensor::Matrix<f64, D>) -> f64 {
+    /// `F − 1` as the model sees it, for output: by default the mean over the intact family with the model's influence,
+    /// `(∫ ω η ⊗ ξ dV′)(∫ ω ξ ⊗ ξ dV′)⁻¹`; zero where the family is flat.
+    fn displacement_gradient(&self, _: &Self::Constants, _: &Self::Shape, h: Family<f64, D>) -> Matrix<f64, D> {
+        let (k, a): (Matrix<f64, D>, Matrix<f64, D>) = h.integrate(|b| {
+            let xi = b.xi() * if Self::STORED_INFLUENCE { b.weight() } else { 1.0 };
+            (b.xi().outer(xi), b.eta().outer(xi))
+        });
+        k.inverse_if_regular(FLAT_FAMILY).map_or_else(Matrix::zero, |inverse| a * inverse)
+    }
+    /// The nonlocal strain of a model that is made of the strains of bonds, for output; `None` where it is made of F or of nothing.
+    fn extended_strain(&self, _: &Self::Constants, _: &Self::Shape, _: Family<f64, D>) -> Option<Matrix<f64, D>> {
+        None
+    }
+    /// First Piola stress across the plane in plane strain, zero else, given the one within; for output only.
+    fn out_of_plane_stress(&self, _: &Self::Constants, _: &Self::Shape, _: Family<f64, D>, _in_plane: &Matrix<f64, D>) -> f64 {
         0.0
     }
 }

@@ -1,9 +1,10 @@
 //! J2 plasticity against closed forms, in every section and both kinematics.
 
 use physics::constitutive::{
-    Deformation, J2Plasticity, J2PlasticityConstants, Law, LinearElastic, OfStrain, OfStrainConstants, Strain, StrainLaw, StrainMeasure,
+    Almansi, Deformation, FromCauchy, J2Plasticity, J2PlasticityConstants, Law, LinearElastic, NeoHookean, NeoHookeanConstants, OfStrain,
+    OfStrainConstants, SaintVenantKirchhoff, Strain, StrainLaw, StrainMeasure,
 };
-use physics::elasticity::{Isotropic, Section, Stiffness};
+use physics::elasticity::{Isotropic, Orthotropic, Section, Stiffness, rotate};
 use physics::scalar::{Dual, Scalar};
 use physics::tensor::Matrix;
 
@@ -409,4 +410,66 @@ fn the_finite_law_is_the_small_one_for_small_strains() {
     }
     println!("small against logarithmic strain at 1e-6: {worst:.1e}");
     assert!(worst < 5e-5 && worst > 1e-9, "{worst:.1e}");
+}
+
+/// A strain in the plane as one of space.
+fn embedded(h: &Matrix<f64, 2>) -> Matrix<f64, 3> {
+    Matrix(std::array::from_fn(|a| std::array::from_fn(|b| if a < 2 && b < 2 { h.0[a][b] } else { 0.0 })))
+}
+
+#[test]
+fn the_stress_across_the_plane_is_that_of_the_solid() {
+    // plane strain is a solid that is held across: along a random path beyond yield, and after it, σ₃₃ is the solid's
+    let mut random = Random(91);
+    let (mut plane, mut solid) = (Point::<2>::new(PLANE_STRAIN), Point::<3>::new(SOLID));
+    let (mut elastic, mut worst) = (0.0f64, 0.0f64);
+    for step in 1..=20 {
+        let e = random.matrix::<2>(1e-3 * step as f64).symmetric();
+        let want = solid.stress(embedded(&e)).0[2][2];
+        let got = J2Plasticity.out_of_plane_stress(&plane.constants, &plane.strain(e));
+        worst = worst.max((got - want).abs() / YIELD);
+        let in_plane = plane.stress(e);
+        elastic = elastic.max((STEEL.poisson * in_plane.trace() - want).abs() / YIELD);
+        plane.accept(e);
+        solid.accept(embedded(&e));
+    }
+    println!("stress across the plane: {worst:.1e} of the yield stress; by the elastic relation {elastic:.2}");
+    assert!(worst < 1e-13, "{worst:e}");
+    assert!(elastic > 0.1, "the elastic relation would do: {elastic}");
+    // plane stress has none
+    let e = random.matrix::<2>(0.01).symmetric();
+    let point = Point::<2>::new(PLANE_STRESS);
+    assert_eq!(J2Plasticity.out_of_plane_stress(&point.constants, &point.strain(e)), 0.0);
+
+    // the laws of F: the same with the solid's first Piola stress, heated
+    fn compare<A: Law<2>, B: Law<3>>(name: &str, plane: (A, A::Constants), solid: (B, B::Constants), scale: f64, words: (usize, usize)) {
+        let mut random = Random(17);
+        for _ in 0..10 {
+            let h = random.matrix::<2>(0.2);
+            let (few, many) = (vec![0.0; words.0], vec![0.0; words.1]);
+            let f = Deformation { gradient: h, rate: Matrix::zero(), temperature: 40.0, time: 0.0, memory: &few };
+            let g = Deformation { gradient: embedded(&h), rate: Matrix::zero(), temperature: 40.0, time: 0.0, memory: &many };
+            let want = solid.0.first_piola(&solid.1, &g).0[2][2];
+            let got = plane.0.out_of_plane_stress(&plane.1, &f);
+            assert!((got - want).abs() < 1e-12 * scale, "{name}: {got:e} {want:e}");
+        }
+    }
+    let (alpha, young) = (1.2e-4, STEEL.young);
+    let c = (Stiffness::<2>::isotropic(STEEL, alpha, PLANE_STRAIN), Stiffness::<3>::isotropic(STEEL, alpha, SOLID));
+    compare("linear", (LinearElastic, c.0), (LinearElastic, c.1), young, (0, 0));
+    compare("Saint-Venant-Kirchhoff", (SaintVenantKirchhoff, c.0), (SaintVenantKirchhoff, c.1), young, (0, 0));
+    let hooke = |section| NeoHookeanConstants { elastic: STEEL, expansion: alpha, section };
+    compare("neo-Hooke", (NeoHookean, hooke(PLANE_STRAIN)), (NeoHookean, hooke(SOLID)), young, (0, 0));
+    compare("Almansi", (FromCauchy(Almansi), (STEEL, PLANE_STRAIN)), (FromCauchy(Almansi), (STEEL, SOLID)), young, (0, 0));
+    for measure in [StrainMeasure::Small, StrainMeasure::GreenLagrange, StrainMeasure::Logarithmic] {
+        let (a, b) = (law(measure, PLANE_STRAIN), law(measure, SOLID));
+        compare("plastic", (a.0, a.1), (b.0, b.1), young, (words::<2>(), words::<3>()));
+    }
+    // an orthotropic stiffness turned in the plane
+    let axes = [[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]];
+    let ply = Orthotropic { young: [140e9, 10e9, 9e9], shear: [3e9, 5e9, 6e9], poisson: [0.4, 0.3, 0.25] };
+    let voigt = rotate(&ply.voigt().unwrap(), &axes);
+    let expansion = [1e-6, 3e-5, 2e-5, 0.0, 0.0, 4e-6];
+    let c = (Stiffness::<2>::new(&voigt, &expansion, PLANE_STRAIN), Stiffness::<3>::new(&voigt, &expansion, SOLID));
+    compare("orthotropic", (SaintVenantKirchhoff, c.0), (SaintVenantKirchhoff, c.1), 140e9, (0, 0));
 }

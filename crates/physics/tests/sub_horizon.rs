@@ -90,3 +90,109 @@ fn the_mean_gradient_is_of_second_order() {
         assert!(power == 3 || stress.abs() < 1e-15);
     }
 }
+
+/// Sets of bonds about mean directions by k-means on the circle (Lloyd 1982), started from equal angles; ties belong to both.
+fn k_means(directions: &[[f64; 2]], n: usize) -> Vec<u8> {
+    let mut centres: Vec<[f64; 2]> = (0..n)
+        .map(|k| {
+            let (s, c) = (std::f64::consts::TAU * (k as f64 + 0.5) / n as f64).sin_cos();
+            [c, s]
+        })
+        .collect();
+    let dot = |a: &[f64; 2], b: &[f64; 2]| a[0] * b[0] + a[1] * b[1];
+    let sets = |centres: &[[f64; 2]]| -> Vec<u8> {
+        let of = |d: &[f64; 2]| {
+            let nearest = centres.iter().map(|c| dot(c, d)).fold(f64::NEG_INFINITY, f64::max);
+            (0..n).filter(|&k| dot(&centres[k], d) > nearest - 1e-9).fold(0, |sets, k| sets | 1 << k)
+        };
+        directions.iter().map(of).collect()
+    };
+    for _ in 0..50 {
+        let own = sets(&centres);
+        for (k, c) in centres.iter_mut().enumerate() {
+            let sum = directions.iter().zip(&own).filter(|(_, s)| *s >> k & 1 == 1).fold([0.0; 2], |m, (d, _)| [m[0] + d[0], m[1] + d[1]]);
+            let length = sum[0].hypot(sum[1]);
+            if length > 0.0 {
+                *c = [sum[0] / length, sum[1] / length];
+            }
+        }
+    }
+    sets(&centres)
+}
+
+/// Smallest eigenvalue over the largest of each set's shape tensor, and whether the set lies in an open half-plane.
+fn judged(bonds: &[[f64; 2]], sets: &[u8], k: usize) -> (f64, bool) {
+    let own: Vec<&[f64; 2]> = bonds.iter().zip(sets).filter(|(_, s)| *s >> k & 1 == 1).map(|b| b.0).collect();
+    let [a, b, c] = own.iter().fold([0.0; 3], |m, x| [m[0] + x[0] * x[0], m[1] + x[0] * x[1], m[2] + x[1] * x[1]]);
+    let (mean, root) = (0.5 * (a + c), (0.25 * (a - c) * (a - c) + b * b).sqrt());
+    let ratio = if mean + root > 0.0 { (mean - root).max(0.0) / (mean + root) } else { 0.0 };
+    let mut angles: Vec<f64> = own.iter().map(|x| x[1].atan2(x[0])).collect();
+    angles.sort_by(f64::total_cmp);
+    let widest = (0..angles.len())
+        .map(|i| if i + 1 < angles.len() { angles[i + 1] - angles[i] } else { angles[0] + std::f64::consts::TAU - angles[i] })
+        .fold(0.0, f64::max);
+    (ratio, widest > std::f64::consts::PI * (1.0 + 1e-9))
+}
+
+#[test]
+fn spread_directions_against_k_means() {
+    // 20 x 20 points of unit spacing, displaced by up to 0.4: how many sets of a family are well shaped, and how well the worst is
+    let mut seed = 11u64;
+    let mut random = || {
+        seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (seed >> 33) as f64 / f64::from(1u32 << 31) - 0.5
+    };
+    let position: Vec<[f64; 2]> = (0..400).map(|p| [(p % 20) as f64 + 0.8 * random(), (p / 20) as f64 + 0.8 * random()]).collect();
+    println!("horizon   sets: directions, k-means   worst shape: directions, k-means   families that only one serves");
+    for delta in [1.6, 2.1, 3.1] {
+        let (mut count, mut shape, mut alone) = ([0usize; 2], [0.0f64; 2], [0usize; 2]);
+        for x in &position {
+            let bonds: Vec<[f64; 2]> = position
+                .iter()
+                .map(|y| [y[0] - x[0], y[1] - x[1]])
+                .filter(|b| b[0].hypot(b[1]) > 0.0 && b[0].hypot(b[1]) <= delta)
+                .collect();
+            let weighted: Vec<_> = bonds.iter().map(|b| (physics::tensor::Vector(*b), 1.0)).collect();
+            let ours = Partition::Automatic(8).membership(&weighted, delta);
+            let directions: Vec<[f64; 2]> = bonds.iter().map(|b| [b[0] / b[0].hypot(b[1]), b[1] / b[0].hypot(b[1])]).collect();
+            // the largest number of clusters that pass the same tests
+            let theirs = (3..=8).rev().find_map(|n| {
+                let sets = k_means(&directions, n);
+                let good = (0..n).all(|k| {
+                    let (ratio, half) = judged(&bonds, &sets, k);
+                    ratio >= physics::sub_horizon::WELL_SHAPED && half
+                });
+                good.then_some(sets)
+            });
+            let found = [Some(ours), theirs].map(|sets| {
+                let sets = sets?;
+                let used: Vec<usize> = (0..8).filter(|k| sets.iter().any(|s| s >> k & 1 == 1)).collect();
+                let worst = used.iter().map(|&k| judged(&bonds, &sets, k).0).fold(f64::INFINITY, f64::min);
+                (used.len() >= 3).then_some((used.len(), worst))
+            });
+            for k in 0..2 {
+                match (found[k], found[1 - k]) {
+                    (Some((n, worst)), other) => {
+                        count[k] += n;
+                        shape[k] += worst.ln();
+                        alone[k] += usize::from(other.is_none());
+                    }
+                    (None, _) => {}
+                }
+            }
+        }
+        let mean = |k: usize| count[k] as f64 / 400.0;
+        let geometric = |k: usize| (shape[k] / 400.0).exp();
+        println!(
+            "{delta:7}   {:22.2} {:8.2}   {:28.3} {:8.3}   {:21} {:8}",
+            mean(0),
+            mean(1),
+            geometric(0),
+            geometric(1),
+            alone[0],
+            alone[1]
+        );
+        // what the choice of equal sectors rests on: at least as many sets as k-means finds
+        assert!(mean(0) >= mean(1), "{delta}: {} {}", mean(0), mean(1));
+    }
+}

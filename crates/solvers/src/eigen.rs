@@ -56,6 +56,8 @@ pub struct LargestEigenvalue {
     pub value: f64,
     /// Ritz value plus norm of its residual: there is an eigenvalue between the two, and none above but by bad luck of the start.
     pub upper: f64,
+    /// The lowest Ritz value: negative where the stiffness is not that of a stable state.
+    pub lowest: f64,
     /// Products used.
     pub iterations: usize,
 }
@@ -126,7 +128,9 @@ pub fn largest_eigenvalue(
                 if value <= 0.0 || value.is_nan() {
                     return Err(EigenError::NoStiffness { value });
                 }
-                return Ok(LargestEigenvalue { value, upper: value + residual, iterations: count });
+                let negated: Vec<f64> = alphas.iter().map(|a| -a).collect();
+                let lowest = -largest_of_tridiagonal(&negated, &betas).0;
+                return Ok(LargestEigenvalue { value, upper: value + residual, lowest, iterations: count });
             }
         }
         betas.push(beta);

@@ -57,13 +57,19 @@ pub trait Dynamics {
     /// displacement. Asked at half steps also.
     fn prescribe_velocity(&mut self, t: f64, v: &mut [f64]);
 
-    /// The largest step from here, not above `step`, that resolves the motion: points that are about to meet, bonds that stiffen as they
-    /// collapse. `step` is stable in the reference state. Asked before every step; the default is `step`.
+    /// The largest step from here, not above `step`, that resolves the motion of points that are about to meet. `step` is stable at the start. Asked before every step; the default is `step`.
     ///
     /// # Errors
     /// [`Stop`] where no step does.
     fn step_limit(&mut self, _t: f64, _u: &[f64], _v: &[f64], step: f64) -> Result<f64, Stop> {
         Ok(step)
+    }
+
+    /// How much stiffer than at the start the stiffest part may have become, 1 where it has not: any measure that grows by more than a few
+    /// per cent whenever the largest frequency does. An automatic step estimates that frequency again when this has changed; asked
+    /// after [`step_limit`](Self::step_limit), of the same state. The default is 1.
+    fn hardness(&self) -> f64 {
+        1.0
     }
 
     /// The increment that ends at `t` is accepted: commit history, break bonds, change conditions. Returns whether the force law

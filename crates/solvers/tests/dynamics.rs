@@ -27,7 +27,7 @@ fn exact(free: usize, k: f64, m: f64, j: usize) -> f64 {
 }
 
 fn run(truss: &mut Truss<1>, motion: &mut Motion, dt: f64, end: f64) {
-    let verlet = VelocityVerlet { time_step: dt, end, observe_every: usize::MAX };
+    let verlet = VelocityVerlet { time_step: dt, end, observe_every: usize::MAX, following: None };
     assert_eq!(verlet.run(truss, motion, &mut Silent, None).unwrap(), Ended::Completed);
 }
 
@@ -85,7 +85,7 @@ fn energy_of_a_nonlinear_chain_does_not_drift() {
             worst = worst.max(last.abs());
             ControlFlow::Continue(())
         };
-        let verlet = VelocityVerlet { time_step: dt, end: 2000.0, observe_every: 10 };
+        let verlet = VelocityVerlet { time_step: dt, end: 2000.0, observe_every: 10, following: None };
         verlet.run(&mut truss, &mut motion, &mut observer, None).unwrap();
         worst
     };
@@ -151,7 +151,7 @@ impl Dynamics for Ramp {
 #[test]
 fn a_prescribed_velocity_is_integrated_exactly_where_it_is_linear() {
     let mut motion = Motion::at_rest(1, 0.0);
-    let verlet = VelocityVerlet { time_step: 0.1, end: 1.0, observe_every: 1 };
+    let verlet = VelocityVerlet { time_step: 0.1, end: 1.0, observe_every: 1, following: None };
     verlet.run(&mut Ramp { fixed: [true] }, &mut motion, &mut Silent, None).unwrap();
     assert!((motion.u[0] - 1.5).abs() < 1e-14 && motion.v[0] == 3.0, "{motion:?}");
     let error = VelocityVerlet { end: 2.0, ..verlet }.run(&mut Ramp { fixed: [true] }, &mut motion, &mut Silent, None);
@@ -261,7 +261,7 @@ fn observers_and_flags_end_a_run() {
         seen.push(report.step);
         if report.step >= 6 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let verlet = VelocityVerlet { time_step: 0.1, end: 1.0, observe_every: 3 };
+    let verlet = VelocityVerlet { time_step: 0.1, end: 1.0, observe_every: 3, following: None };
     assert_eq!(verlet.run(&mut truss, &mut motion, &mut observer, None).unwrap(), Ended::Observer);
     assert_eq!(seen, [0, 3, 6]);
     let flag = AtomicBool::new(true);

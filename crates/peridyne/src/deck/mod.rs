@@ -243,6 +243,7 @@ impl Deck {
             cx.issues.truncate(before);
         }
         parameters::evaluate(&parameters, &broken, &mut cx);
+        leave_out_expectations_of_others(&mut current, run, combination);
         cx.dimension = space_dimension(&current, &mut cx);
         let sections = Sections::decode(&current, &mut cx);
         let Context { parameters, sources, mut issues, .. } = cx;
@@ -572,6 +573,21 @@ fn find_parameter(name: &str, known: &[Entry], later: &[Entry]) -> Result<Node, 
 }
 
 /// Adds the paths of keys to faults that have none.
+/// What other runs and combinations expect is written for their own parameters: it is read, and its faults are told, with them.
+fn leave_out_expectations_of_others(tree: &mut Node, run: Option<&str>, combination: Option<&combinations::Listed>) {
+    fn without(node: Option<&mut Node>, other: impl Fn(&str) -> bool) {
+        for entry in node.map_or(&mut [] as &mut [Entry], Node::entries_mut).iter_mut().filter(|entry| other(&entry.key)) {
+            entry.value.remove("expect");
+        }
+    }
+    if let Some(own) = run {
+        without(tree.get_mut("runs"), |name| name != own);
+    }
+    if let Some(own) = combination {
+        without(tree.get_mut("study").and_then(|study| study.get_mut("combinations")), |name| !chooses(name, &own.name));
+    }
+}
+
 fn with_paths(mut issues: Vec<Issue>, tree: &Node, sources: &Sources) -> DeckErrors {
     for issue in issues.iter_mut().filter(|issue| issue.path.is_empty()) {
         issue.path = if issue.span.source == 0 { tree.path_of(issue.span) } else { String::new() };

@@ -45,4 +45,11 @@ impl<const D: usize> Law<D> for Hyperelastic {
             Constants::NeoHookean(c) => NeoHookean.energy(c, f),
         }
     }
+    fn out_of_plane_stress(&self, c: &Constants<D>, f: &Deformation<f64, D>) -> f64 {
+        match c {
+            Constants::LinearElastic(c) => LinearElastic.out_of_plane_stress(c, f),
+            Constants::SaintVenantKirchhoff(c) => SaintVenantKirchhoff.out_of_plane_stress(c, f),
+            Constants::NeoHookean(c) => NeoHookean.out_of_plane_stress(c, f),
+        }
+    }
 }

@@ -81,6 +81,8 @@ impl J2PlasticityConstants {
 /// Where an increment ends.
 struct End<R, const D: usize> {
     stress: Matrix<R, D>,
+    /// Stress across the plane, in plane strain.
+    across: R,
     energy: R,
     /// Plastic strain (in the plane its components there; the one across is minus their sum).
     plastic: Matrix<R, D>,
@@ -138,7 +140,7 @@ impl J2PlasticityConstants {
             equivalent += step;
         }
         let energy = stress * stress * (0.5 / young) + self.plastic_work(equivalent);
-        End { stress: Matrix::scaled_identity(stress), energy, plastic, equivalent }
+        End { stress: Matrix::scaled_identity(stress), across: R::of(0.0), energy, plastic, equivalent }
     }
     /// Three dimensions and plane strain: radial return.
     #[inline(always)]
@@ -155,7 +157,7 @@ impl J2PlasticityConstants {
         let trace = trial.trace() + across;
         let mean = trace * (1.0 / 3.0);
         let mut deviator = (trial - Matrix::scaled_identity(mean)) * R::of(2.0 * shear);
-        let deviator_across = if D == 2 { (across - mean) * (2.0 * shear) } else { R::of(0.0) };
+        let mut deviator_across = if D == 2 { (across - mean) * (2.0 * shear) } else { R::of(0.0) };
         let mut square = deviator.double_dot(deviator) + deviator_across * deviator_across;
         let strength = self.strength(equivalent);
         let mut flow = Matrix::zero();
@@ -167,12 +169,14 @@ impl J2PlasticityConstants {
             let kept = R::of(1.0) - part * (3.0 * shear);
             flow = deviator * (part * 1.5);
             deviator = deviator * kept;
+            deviator_across = deviator_across * kept;
             square = square * kept * kept;
             equivalent += step;
         }
         let stress = deviator + Matrix::scaled_identity(trace * bulk);
         let energy = trace * trace * (0.5 * bulk) + square * (0.25 / shear) + self.plastic_work(equivalent);
-        End { stress, energy, plastic: plastic + flow, equivalent }
+        let across = if D == 2 { deviator_across + trace * bulk } else { R::of(0.0) };
+        End { stress, across, energy, plastic: plastic + flow, equivalent }
     }
     /// Plane stress: with x = 3Δε̄ᵖ/(2q) the sum of the two stresses shrinks by 1 + a x, their difference and the shear by 1 + b x,
     /// and q (1 − 2Hx/3) = σ_y + H ε̄ᵖ.
@@ -229,7 +233,7 @@ impl J2PlasticityConstants {
         stress.0[1][0] = tangential;
         let elastic =
             sum * sum * (0.25 * (1.0 - nu) / young) + difference * difference * (0.125 / shear) + tangential * tangential * (0.5 / shear);
-        End { stress, energy: elastic + self.plastic_work(equivalent), plastic: plastic + flow, equivalent }
+        End { stress, across: R::of(0.0), energy: elastic + self.plastic_work(equivalent), plastic: plastic + flow, equivalent }
     }
 }
 
@@ -247,6 +251,9 @@ impl<const D: usize> StrainLaw<D> for J2Plasticity {
     #[inline(always)]
     fn energy<R: Scalar>(&self, c: &Self::Constants, e: &Strain<R, D>) -> R {
         c.end(e).energy
+    }
+    fn out_of_plane_stress(&self, c: &Self::Constants, e: &Strain<f64, D>) -> f64 {
+        c.end(e).across
     }
     fn commit(&self, c: &Self::Constants, e: &Strain<f64, D>, memory: &mut [f64]) {
         let end = c.end(e);

@@ -100,4 +100,13 @@ impl<const D: usize> Law<D> for NeoHookean {
         let log_in_plane = Deformation { gradient: h, ..*f }.volume_growth().map(|x| (x.ln_1p(), 1.0 / (1.0 + x)));
         (in_plane - log_in_plane + e.transverse) * c.elastic.shear() + e.log_volume * e.log_volume * (0.5 * c.elastic.lambda())
     }
+    fn out_of_plane_stress(&self, c: &Self::Constants, f: &Deformation<f64, D>) -> f64 {
+        if !matches!(c.section, Section::PlaneStrain { .. }) {
+            return 0.0;
+        }
+        // μ (F₃₃ − 1/F₃₃) + λ ln J/F₃₃ with the elastic F₃₃ = 1/ϑ, and a power of ϑ as in the plane
+        let e = c.elastic(f);
+        let held = 1.0 / e.stretch;
+        held * (c.elastic.shear() * (held - e.stretch) + c.elastic.lambda() * e.log_volume * e.stretch)
+    }
 }

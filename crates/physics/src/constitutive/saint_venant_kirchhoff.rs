@@ -26,4 +26,7 @@ impl<const D: usize> Law<D> for SaintVenantKirchhoff {
     fn energy<R: Scalar>(&self, c: &Stiffness<D>, f: &Deformation<R, D>) -> R {
         linear_elastic::energy(c, &f.green_lagrange(), f.temperature)
     }
+    fn out_of_plane_stress(&self, c: &Stiffness<D>, f: &Deformation<f64, D>) -> f64 {
+        c.out_of_plane_stress(&linear_elastic::stress(c, &f.green_lagrange(), f.temperature), f.temperature)
+    }
 }

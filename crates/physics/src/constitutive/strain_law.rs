@@ -30,6 +30,10 @@ pub trait StrainLaw<const D: usize>: Copy + Send + Sync + 'static {
     fn stress<R: Scalar>(&self, c: &Self::Constants, e: &Strain<R, D>) -> Matrix<R, D>;
     /// Energy density ψ \[J/m³\].
     fn energy<R: Scalar>(&self, c: &Self::Constants, e: &Strain<R, D>) -> R;
+    /// Stress across the plane in plane strain, zero else \[Pa\]. The default is that of linear elasticity with the law's stiffness.
+    fn out_of_plane_stress(&self, c: &Self::Constants, e: &Strain<f64, D>) -> f64 {
+        self.stiffness(c).out_of_plane_stress(&self.stress(c, e), e.temperature)
+    }
     /// Writes the history of an accepted increment, given in `memory` what [`Strain::memory`] holds.
     fn commit(&self, _: &Self::Constants, _: &Strain<f64, D>, _memory: &mut [f64]) {}
 }
@@ -125,6 +129,10 @@ impl<L: StrainLaw<D>, const D: usize> Law<D> for OfStrain<L> {
     #[inline(never)]
     fn energy<R: Scalar>(&self, c: &Self::Constants, f: &Deformation<R, D>) -> R {
         self.0.energy(&c.law, &Self::of(c.measure, f))
+    }
+    fn out_of_plane_stress(&self, c: &Self::Constants, f: &Deformation<f64, D>) -> f64 {
+        // no strain and no stretch across: the conjugate stress of every measure is the first Piola stress
+        self.0.out_of_plane_stress(&c.law, &Self::of(c.measure, f))
     }
     fn commit(&self, c: &Self::Constants, f: &Deformation<f64, D>, memory: &mut [f64]) {
         self.0.commit(&c.law, &Self::of(c.measure, f), memory);

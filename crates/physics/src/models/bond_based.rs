@@ -141,7 +141,7 @@ impl<G: StretchLaw, I: Influence, const D: usize> Material<D> for BondBased<G, I
             }
         });
     }
-    fn out_of_plane_stress(&self, constants: &BondBasedConstants, s: &Matrix<f64, D>) -> f64 {
+    fn out_of_plane_stress(&self, constants: &BondBasedConstants, _: &f64, _: Family<f64, D>, s: &Matrix<f64, D>) -> f64 {
         match constants.section {
             Section::PlaneStrain { .. } => 0.25 * s.trace(),
             _ => 0.0,

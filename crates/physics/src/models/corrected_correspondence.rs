@@ -310,6 +310,9 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
         let control = self.control.shape(&self.law.stiffness(c), &inverse, self.omega, h);
         Ok(CorrectedShape { coefficients, scale, used: monomial_count(D, order), lowered: order < self.order, tensor, control })
     }
+    fn rebuilds(&self, _: &L::Constants) -> bool {
+        true
+    }
     fn reshape(&self, c: &L::Constants, _: &Self::Shape, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
         self.shape(c, h)
     }
@@ -353,8 +356,11 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
             self.law.commit(c, &self.deformation(L::RATE, L::MEMORY, shape, h).0, point);
         }
     }
-    fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
-        self.law.stiffness(c).out_of_plane_stress(s)
+    fn displacement_gradient(&self, _: &L::Constants, shape: &Self::Shape, h: Family<f64, D>) -> Matrix<f64, D> {
+        self.deformation(false, 0, shape, h).0.gradient
+    }
+    fn out_of_plane_stress(&self, c: &L::Constants, shape: &Self::Shape, h: Family<f64, D>, _: &Matrix<f64, D>) -> f64 {
+        self.law.out_of_plane_stress(c, &self.deformation(L::RATE, L::MEMORY, shape, h).0)
     }
     fn shortfall(&self, shape: &Self::Shape) -> Option<&'static str> {
         shape.lowered.then_some("families with too few bonds for the order of the correction, which have a lower one")

@@ -94,6 +94,9 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
         let inverse = k.inverse_if_regular(FLAT_FAMILY).ok_or(SingularFamily)?;
         Ok((inverse, self.control.shape(&self.law.stiffness(c), &inverse, self.omega, h)))
     }
+    fn rebuilds(&self, _: &L::Constants) -> bool {
+        true
+    }
     fn reshape(&self, c: &L::Constants, _: &Self::Shape, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
         self.shape(c, h)
     }
@@ -127,7 +130,7 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
             self.law.commit(c, &self.deformation(L::RATE, L::MEMORY, inverse, h), point);
         }
     }
-    fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
-        self.law.stiffness(c).out_of_plane_stress(s)
+    fn out_of_plane_stress(&self, c: &L::Constants, (inverse, _): &Self::Shape, h: Family<f64, D>, _: &Matrix<f64, D>) -> f64 {
+        self.law.out_of_plane_stress(c, &self.deformation(L::RATE, L::MEMORY, inverse, h))
     }
 }

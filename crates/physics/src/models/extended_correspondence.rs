@@ -399,16 +399,19 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
             self.law.commit(c, &seen_by_law::<_, _, D>(L::MEMORY, strain, h), point);
         }
     }
-    fn collapse(&self) -> Option<f64> {
-        // c^(m − 1) of eq. (13) under stress, its square times |Y|² where the strain changes
-        let m = self.exponent.value();
-        (m < 1.0).then(|| (1.0 - m).max(1.0 - 2.0 * m))
+    fn collapse(&self) -> bool {
+        // c^(m − 1) of eq. (13)
+        self.exponent.value() < 1.0
+    }
+    fn extended_strain(&self, _: &L::Constants, shape: &BondStrainShape, h: Family<f64, D>) -> Option<Matrix<f64, D>> {
+        Some(self.strained(shape, h).strain.scaled_off_diagonal(1.0 / SQRT_2).matrix())
     }
     fn shortfall(&self, shape: &BondStrainShape) -> Option<&'static str> {
         shape.truncated.then_some("fewer than d(d + 1)/2 independent directions: strains that no bond sees are left at zero")
     }
-    fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
-        self.law.stiffness(c).out_of_plane_stress(s)
+    /// The law's, conjugate to Ē.
+    fn out_of_plane_stress(&self, c: &L::Constants, shape: &BondStrainShape, h: Family<f64, D>, _: &Matrix<f64, D>) -> f64 {
+        self.law.out_of_plane_stress(c, &seen_by_law::<f64, _, D>(L::MEMORY, self.strained(shape, h).strain, h))
     }
 }
 

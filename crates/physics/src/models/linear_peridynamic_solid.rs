@@ -31,7 +31,8 @@ use crate::tensor::{Matrix, Vector};
 ///
 /// # Differs from the source
 /// Without the fourth-moment weights ([`isotropy`](crate::isotropy)) a lattice family is not isotropic: at a horizon ratio of
-/// 3 (ω = 1) the energy of a shear along its axes is 4 % low in the plane and 11 % high in 3D. m is kept when bonds break, and the energy is then
+/// 3 (ω = 1) the energy of a shear along its axes is 4 % low in the plane and 11 % high in 3D. m is kept when bonds break (or rebuilt from those that
+/// are left, by option: a damaged family then keeps the moduli of the whole one), and the energy is then
 /// $W = \tfrac12(\kappa - \alpha m/d^2)\theta^2 + \tfrac{\alpha}{2}\int\omega e^2dV'$ over the intact bonds: equal to the one
 /// above in a whole family, and still the one whose derivative T is.
 ///
@@ -52,13 +53,19 @@ pub struct LinearPeridynamicSolidConstants {
     pub shear: f64,
     /// σ₃₃/(σ₁₁ + σ₂₂): ν in plane strain, else 0.
     pub out_of_plane: f64,
+    /// Whether m is rebuilt from the intact bonds when bonds break.
+    pub rebuild: bool,
 }
 
 impl LinearPeridynamicSolidConstants {
     /// From isotropic constants.
     pub fn new(m: Isotropic, section: Section) -> Self {
         let out_of_plane = if matches!(section, Section::PlaneStrain { .. }) { m.poisson } else { 0.0 };
-        LinearPeridynamicSolidConstants { bulk: m.bulk_of(section), shear: m.shear(), out_of_plane }
+        LinearPeridynamicSolidConstants { bulk: m.bulk_of(section), shear: m.shear(), out_of_plane, rebuild: false }
+    }
+    /// The same with m rebuilt from the intact bonds when bonds break.
+    pub fn rebuilt(self) -> Self {
+        LinearPeridynamicSolidConstants { rebuild: true, ..self }
     }
 }
 
@@ -90,6 +97,12 @@ impl<I: Influence, const D: usize> Material<D> for LinearPeridynamicSolid<I> {
         let m: f64 = h.integrate(|b| self.omega.at(b) * b.length() * b.length());
         if m > 0.0 { Ok(m) } else { Err(SingularFamily) }
     }
+    fn rebuilds(&self, c: &Self::Constants) -> bool {
+        c.rebuild
+    }
+    fn reshape(&self, c: &Self::Constants, m: &f64, h: Reference<D>) -> Result<f64, SingularFamily> {
+        if c.rebuild { self.shape(c, h) } else { Ok(*m) }
+    }
     #[inline(always)]
     fn state<S: Scalar>(&self, c: &Self::Constants, m: &f64, h: Family<S, D>) -> [S::Sum; 2] {
         let (d, alpha) = (D as f64, Self::alpha::<D>(c, *m));
@@ -116,7 +129,7 @@ impl<I: Influence, const D: usize> Material<D> for LinearPeridynamicSolid<I> {
         let theta = first * (d / m);
         theta * theta * (0.5 * (c.bulk - alpha * m / (d * d))) + square * (0.5 * alpha)
     }
-    fn out_of_plane_stress(&self, c: &Self::Constants, s: &Matrix<f64, D>) -> f64 {
+    fn out_of_plane_stress(&self, c: &Self::Constants, _: &f64, _: Family<f64, D>, s: &Matrix<f64, D>) -> f64 {
         c.out_of_plane * s.trace()
     }
 }

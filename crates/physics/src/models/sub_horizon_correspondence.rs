@@ -176,6 +176,9 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
         };
         Ok(shape)
     }
+    fn rebuilds(&self, _: &L::Constants) -> bool {
+        true
+    }
     fn reshape(&self, c: &L::Constants, _: &Self::Shape, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
         self.shape(c, h)
     }
@@ -229,8 +232,20 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
             }
         }
     }
-    fn out_of_plane_stress(&self, c: &L::Constants, s: &Matrix<f64, D>) -> f64 {
-        self.law.stiffness(c).out_of_plane_stress(s)
+    /// The mean of the F_α of the sub-horizons that carry energy, which all weigh the same: each alone is of first order in δ, the mean in the
+    /// interior of second.
+    fn displacement_gradient(&self, _: &L::Constants, shape: &Self::Shape, h: Family<f64, D>) -> Matrix<f64, D> {
+        let mut sum = Matrix::zero();
+        for (k, f) in self.deformations(false, 0, shape, h).iter().enumerate() {
+            if shape.regular >> k & 1 == 1 {
+                sum = sum + f.gradient;
+            }
+        }
+        sum * (1.0 / f64::from(shape.regular.count_ones()))
+    }
+    fn out_of_plane_stress(&self, c: &L::Constants, shape: &Self::Shape, h: Family<f64, D>, _: &Matrix<f64, D>) -> f64 {
+        let each = self.deformations(L::RATE, L::MEMORY, shape, h);
+        (0..N).filter(|k| shape.regular >> k & 1 == 1).map(|k| self.law.out_of_plane_stress(c, &each[k]) * shape.share).sum()
     }
     fn shortfall(&self, shape: &Self::Shape) -> Option<&'static str> {
         shape.whole.then_some("families without a regular sub-horizon, which serve as a whole")

@@ -164,9 +164,21 @@ section! {
         influence: Influence = "constant",
         /// Weigh the bonds of each family so that its fourth moment is isotropic.
         isotropy_correction: bool = "false",
+        /// The family whose bonds make the weighted volume where bonds broke.
+        weighted_volume: WeightedVolume = "reference",
     } flatten {
         /// Two of Young's modulus, Poisson ratio, bulk modulus, shear modulus.
         elasticity: Isotropic,
+    }
+}
+
+choice! {
+    /// The family whose bonds make the weighted volume where bonds broke.
+    pub enum WeightedVolume as "a weighted volume" {
+        /// The whole family: a damaged one is softer.
+        Reference = "reference",
+        /// The intact bonds: those that are left take over the stiffness of the broken ones.
+        Intact = "intact",
     }
 }
 
@@ -340,13 +352,24 @@ choice! {
         /// Hooke's law in the Green-Lagrange strain.
         SaintVenantKirchhoff(Elasticity) = "saint_venant_kirchhoff",
         /// Compressible neo-Hookean.
-        NeoHookean(Isotropic) = "neo_hookean",
+        NeoHookean(NeoHookean) = "neo_hookean",
         /// Plastic flow at a von Mises stress.
         J2Plasticity(J2Plasticity) = "j2_plasticity",
         /// Hooke's law with viscous damping.
         KelvinVoigt(KelvinVoigt) = "kelvin_voigt",
         /// Hooke's law between Cauchy stress and Almansi strain.
         Almansi(Isotropic) = "almansi",
+    }
+}
+
+section! {
+    /// Compressible neo-Hookean solid.
+    pub struct NeoHookean as "a neo-Hookean law" {
+        /// Thermal expansion.
+        thermal_expansion: Option<SpaceField<Expansion>>,
+    } flatten {
+        /// Two of Young's modulus, Poisson ratio, bulk modulus, shear modulus.
+        elasticity: Isotropic,
     }
 }
 

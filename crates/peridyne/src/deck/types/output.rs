@@ -42,6 +42,8 @@ choice! {
         DeformationGradient = "deformation_gradient",
         /// Strain.
         Strain = "strain",
+        /// Nonlocal strain of extended correspondence, in the measure of its exponent.
+        ExtendedStrain = "extended_strain",
         /// Stress.
         Stress = "stress",
         /// Equivalent stress after von Mises.
@@ -78,7 +80,9 @@ impl FieldName {
     pub fn components(&self) -> &'static [&'static str] {
         match self {
             FieldName::Displacement | FieldName::Velocity | FieldName::ForceDensity => &["x", "y", "z", "magnitude"],
-            FieldName::Strain | FieldName::Stress | FieldName::Curvature | FieldName::Moment => &["xx", "yy", "zz", "yz", "xz", "xy"],
+            FieldName::Strain | FieldName::ExtendedStrain | FieldName::Stress | FieldName::Curvature | FieldName::Moment => {
+                &["xx", "yy", "zz", "yz", "xz", "xy"]
+            }
             FieldName::DeformationGradient => &["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"],
             _ => &[],
         }
