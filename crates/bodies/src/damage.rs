@@ -131,9 +131,10 @@ impl<const D: usize> Body<D> {
                 for b in [Some(bond), self.reverse(bond)].into_iter().flatten() {
                     let c = &mut self.chunks[b.chunk as usize];
                     if c.is_intact(b.slot as usize) {
-                        c.intact[b.slot as usize / 8] &= !(1 << (b.slot % 8));
+                        let i = c.point_of(b.slot as usize);
+                        c.break_bond(i, b.slot as usize);
                         broken.bonds += 1;
-                        touched.push((b.chunk as usize, c.point_of(b.slot as usize)));
+                        touched.push((b.chunk as usize, i));
                     }
                 }
             }
@@ -199,7 +200,7 @@ impl<const D: usize> Body<D> {
     /// Goes back to remembered damage and history.
     pub fn restore_damage(&mut self, state: &DamageState) {
         for (c, (intact, memory)) in self.chunks.iter_mut().zip(state.intact.iter().zip(&state.memory)) {
-            c.intact.clone_from(intact);
+            c.restore_bonds(intact);
             c.memory.clone_from(&memory.0);
             c.bond_memory.clone_from(&memory.1);
         }

@@ -1,5 +1,5 @@
 //! Number types a model is evaluated over: `f64`, [`Jet`] (value and derivatives) and
-//! lanes ([`crate::lanes`], eight bonds at a time).
+//! lanes ([`crate::lanes`], eight bonds of a point or one bond of eight points at a time).
 //!
 //! A model is written once, over any [`Scalar`]. Evaluated with `f64` it gives forces, with jets exact tangents and the
 //! oracle of its own force state, with lanes the vector kernel of the hot loop.
@@ -43,12 +43,15 @@ pub trait Scalar:
     + AddAssign
     + SubAssign
 {
-    /// What a sum over bonds gives: `f64` for lanes, the type itself for a single number.
+    /// What a sum over bonds gives: `f64` for lanes of bonds, the type itself for a single number and for lanes of points.
     type Sum: Scalar<Sum = Self::Sum, Index = u32>;
     /// The far point of a bond, or of [`WIDTH`](Self::WIDTH) bonds.
     type Index: Copy;
-    /// Bonds per number.
+    /// Bonds of one point per number.
     const WIDTH: usize;
+    /// Whether the number holds the same bond of several points of a lattice, one beside the other. Families of such numbers are backed by
+    /// a [`Lattice`](crate::family::Lattice) instead of lists.
+    const ABREAST: bool = false;
     /// Whether the number carries derivatives.
     const DIFFERENTIATES: bool = false;
 
@@ -134,6 +137,8 @@ pub trait Scalar:
     fn row(data: &[Self::Sum], idx: Self::Index) -> [Self; ROW];
     /// Zero where the bond of the slot is broken or padding.
     fn masked(self, intact: &[u8], at: usize) -> Self;
+    /// Zero in the lanes whose bit is not set; a single number has one lane.
+    fn keep(self, lanes: u8) -> Self;
     /// Subtracts `v` from the rows of the far points, one bond after the other.
     fn subtract_rows<const D: usize>(rows: &mut [Self::Sum], idx: Self::Index, v: [Self; D]);
 }
@@ -191,6 +196,10 @@ macro_rules! one_bond {
         #[inline(always)]
         fn masked(self, intact: &[u8], at: usize) -> $t {
             if is_intact(intact, at) { self } else { <$t>::of(0.0) }
+        }
+        #[inline(always)]
+        fn keep(self, lanes: u8) -> $t {
+            if lanes & 1 == 1 { self } else { <$t>::of(0.0) }
         }
         #[inline(always)]
         fn subtract_rows<const D: usize>(rows: &mut [$t], idx: u32, v: [$t; D]) {
