@@ -4,7 +4,7 @@
 //! images), every part adds the forces of its families, and what landed on halos comes back in a fixed order. The number
 //! of chunks depends on the body only, so results are the same bit for bit on any number of threads.
 
-use crate::chunk::{Chunk, Link};
+use crate::chunk::{Chunk, Link, Rows};
 use crate::lattice::LatticePoints;
 use crate::part::{Part, SEEDS};
 use physics::scalar::{Dual, Jet, ROW, SPARE_WORD, Scalar};
@@ -38,7 +38,7 @@ impl Inflow {
 }
 
 /// Whether all materials of a chunk take their families from its lattice.
-fn on_lattice<const D: usize>(parts: &[Box<dyn Part<D>>], chunk: usize, c: &Chunk<D>) -> bool {
+pub(crate) fn on_lattice<const D: usize>(parts: &[Box<dyn Part<D>>], chunk: usize, c: &Chunk<D>) -> bool {
     c.lattice.is_some() && parts.iter().all(|p| p.takes_lattice(chunk))
 }
 
@@ -176,7 +176,7 @@ impl<const D: usize> Body<D> {
             c.memory_words = point_words;
             c.memory = vec![0.0; point_words * c.owned];
             c.bond_memory = vec![0.0; bond_words * c.neighbor.len()];
-            c.velocity = crate::chunk::Rows::zeros(if velocity { c.points.len() * ROW } else { 0 });
+            c.velocity = Rows::zeros(if velocity { c.points.len() * ROW } else { 0 });
         }
         let mut singular = vec![];
         for part in &mut self.parts {
@@ -198,11 +198,12 @@ impl<const D: usize> Body<D> {
                 (0..c.owned).for_each(|i| out[i] = part.state_word(k, i, &c.configuration()));
             });
             for c in &mut self.chunks {
-                for (l, &p) in c.points.iter().enumerate() {
-                    c.displacement[l * ROW + SPARE_WORD] = words[p as usize];
-                }
                 if let Some(lattice) = &mut c.lattice {
                     lattice.set_words(|l| words[c.points[l] as usize]);
+                    continue;
+                }
+                for (l, &p) in c.points.iter().enumerate() {
+                    c.displacement[l * ROW + SPARE_WORD] = words[p as usize];
                 }
             }
         }
@@ -212,6 +213,11 @@ impl<const D: usize> Body<D> {
     /// Goes over to lists everywhere, also where points lie on a lattice: for comparisons.
     pub fn leave_lattices(&mut self) {
         self.chunks.iter_mut().for_each(Chunk::leave_lattice);
+    }
+
+    /// Stores no lengths of bonds: eight bytes a bond less where points lie on no lattice, and longer force evaluations.
+    pub fn forget_lengths(&mut self) {
+        self.chunks.iter_mut().for_each(|c| c.length = vec![]);
     }
 
     /// The share of the points whose families come from a lattice.
@@ -240,10 +246,11 @@ impl<const D: usize> Body<D> {
     pub fn internal_force(&mut self, u: &[f64], v: Option<&[f64]>, force: &mut [f64]) {
         let parts = &self.parts;
         self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
-            if on_lattice(parts, k, c)
+            let on_lattice = on_lattice(parts, k, c);
+            c.hand_out(on_lattice, u, v);
+            if on_lattice
                 && let Some(mut lattice) = c.lattice.take()
             {
-                lattice.fill(&c.points, &c.flips, u);
                 let mut planes = std::mem::take(&mut lattice.force);
                 planes.fill(0.0);
                 for part in parts {
@@ -253,8 +260,11 @@ impl<const D: usize> Body<D> {
                 c.lattice = Some(lattice);
                 return;
             }
-            c.forward(u, v);
             let mut rows = std::mem::take(&mut c.force);
+            if rows.is_empty() {
+                // a lattice that families are not taken from any more
+                rows = Rows::zeros(c.points.len() * ROW);
+            }
             rows.fill(0.0);
             let view = c.configuration();
             for part in parts {

@@ -2,7 +2,7 @@
 
 use crate::lattice::LatticePoints;
 use physics::family::{Configuration, Lattice};
-use physics::scalar::{Dual, ROW, Scalar, VOLUME_WORD};
+use physics::scalar::{Dual, ROW, SPARE_WORD, Scalar, VOLUME_WORD};
 
 /// A bond of a family as the builder hands it over.
 #[derive(Clone, Copy, Debug)]
@@ -197,15 +197,30 @@ impl<const D: usize> Chunk<D> {
             c.horizon.push(horizon[*p as usize]);
         }
         c.coordinates = Rows::of(&coordinates);
-        c.displacement = Rows::zeros(c.points.len() * ROW);
-        c.force = Rows::zeros(c.points.len() * ROW);
         c.neighbor.shrink_to_fit();
         c.weight.shrink_to_fit();
         c.lattice = LatticePoints::find(&c);
         if c.lattice.is_none() {
             c.store_lengths();
+            c.make_rows();
         }
         c
+    }
+
+    /// Rows for displacements and forces: where families are taken from a lattice not before something else asks for them.
+    fn make_rows(&mut self) {
+        let words = self.points.len() * ROW;
+        if self.displacement.len() < words {
+            self.displacement = Rows::zeros(words);
+            if let Some(lattice) = &self.lattice {
+                for l in 0..self.points.len() {
+                    self.displacement[l * ROW + SPARE_WORD] = lattice.word(l);
+                }
+            }
+        }
+        if self.lattice.is_none() && self.force.len() < words {
+            self.force = Rows::zeros(words);
+        }
     }
 
     /// Brings the halo into the order of the body, so that exchange goes through memory in order.
@@ -236,7 +251,10 @@ impl<const D: usize> Chunk<D> {
 
     /// Forgets the lattice, where the materials have no use for it.
     pub(crate) fn leave_lattice(&mut self) {
-        if self.lattice.take().is_some() {
+        if self.lattice.is_some() {
+            self.make_rows();
+            self.lattice = None;
+            self.make_rows();
             self.store_lengths();
         }
     }
@@ -301,11 +319,20 @@ impl<const D: usize> Chunk<D> {
 
     /// Displacements (and velocities, where a material looks at them) of the body in the rows of the local points.
     pub(crate) fn forward(&mut self, u: &[f64], v: Option<&[f64]>) {
+        self.make_rows();
         Self::fill_rows(&self.points, &self.flips, &mut self.displacement, |q| u[q]);
         if let (false, Some(v)) = (self.velocity.is_empty(), v) {
             Self::fill_rows(&self.points, &self.flips, &mut self.velocity, |q| v[q]);
         } else {
             self.velocity.fill(0.0);
+        }
+    }
+
+    /// The same in the planes of the lattice, where families are taken from it.
+    pub(crate) fn hand_out(&mut self, on_lattice: bool, u: &[f64], v: Option<&[f64]>) {
+        match &mut self.lattice {
+            Some(lattice) if on_lattice => lattice.fill(&self.points, &self.flips, u),
+            _ => self.forward(u, v),
         }
     }
 

@@ -5,12 +5,11 @@
 //! each group and bond of the stencil says which of the points have the bond; breaking a bond clears its bit.
 
 use crate::chunk::{Chunk, Rows};
-use physics::family::{Lattice, StencilBond};
-use physics::lanes::WIDTH;
+use physics::family::{Configuration, Family, Lattice, StencilBond, Undeformed};
+use physics::lanes::{Abreast, GroupKernel, WIDTH, widest_abreast};
 use physics::scalar::{ROW, VOLUME_WORD};
+use physics::tensor::Vector;
 
-/// Cells in front of the first row and behind the last: a group may begin as many cells off a point less one.
-const MARGIN: usize = WIDTH;
 /// Share of the box that must be filled, and of the lanes of the groups' bonds that must be bonds.
 const FILLED: f64 = 0.25;
 const BUSY: f64 = 0.4;
@@ -39,8 +38,8 @@ struct Run {
 /// The points of a chunk on a lattice.
 pub struct LatticePoints<const D: usize> {
     stencil: Vec<StencilBond>,
-    /// Bonds of the stencil by their offset.
-    by_offset: Vec<(i32, u32)>,
+    /// Bond of the stencil for each offset from −reach to reach, or [`NOBODY`].
+    by_offset: Vec<u32>,
     /// Cell of each local point.
     cell: Vec<u32>,
     runs: Vec<Run>,
@@ -55,7 +54,7 @@ pub struct LatticePoints<const D: usize> {
     displacement: Rows,
     pub(crate) force: Rows,
     volume: Rows,
-    /// The words of pairwise models, or empty.
+    /// The words of pairwise models, or empty (what a view then has in its place nobody reads).
     word: Rows,
 }
 
@@ -82,14 +81,20 @@ impl<const D: usize> LatticePoints<D> {
                 groups.len()
             })
             .unwrap_or(0);
-        let stride = (extent[along] + shift).next_multiple_of(WIDTH);
+        // an odd number of cache lines from row to row, so that the rows of a family do not fall on the same few sets of the cache
+        let stride = WIDTH * ((extent[along] + shift).div_ceil(WIDTH) | 1);
         let rows: usize = extent[..along].iter().product();
-        let cells = (MARGIN + rows * stride + MARGIN).next_multiple_of(WIDTH);
-        if cells > i32::MAX as usize {
+        if rows * stride > i32::MAX as usize / 8 {
             return None;
         }
-        let cell: Vec<u32> =
-            place.of_point.iter().map(|x| (MARGIN + row(x) * stride + (x[along] - low[along]) as usize + shift) as u32).collect();
+        let mut cell: Vec<u32> =
+            place.of_point.iter().map(|x| (row(x) * stride + (x[along] - low[along]) as usize + shift) as u32).collect();
+        let offsets = (0..c.owned).flat_map(|i| c.slots(i).map(move |s| (i, s)));
+        let reach = offsets.fold(0, |m, (i, s)| m.max(cell[c.neighbor[s] as usize].abs_diff(cell[i]))) as usize;
+        // in front of the first row and behind the last: a group of eight looks that far although some of its points do not
+        let margin = (reach + WIDTH).next_multiple_of(WIDTH);
+        cell.iter_mut().for_each(|q| *q += margin as u32);
+        let cells = spread_planes(margin + rows * stride + margin);
         let mut taken = vec![false; cells];
         for &q in &cell {
             // two points in one place
@@ -111,7 +116,7 @@ impl<const D: usize> LatticePoints<D> {
             volume: Rows::zeros(cells),
             word: Rows::default(),
         };
-        lattice.make_stencil(c, &place)?;
+        lattice.make_stencil(c, &place, reach)?;
         for i in 0..c.owned {
             let q = lattice.cell[i] as usize;
             let group = &mut lattice.group_of[q / WIDTH];
@@ -131,19 +136,8 @@ impl<const D: usize> LatticePoints<D> {
     }
 
     /// The bonds of all points, as long as they are the same: place, influence and sub-horizons.
-    fn make_stencil(&mut self, c: &Chunk<D>, place: &Numbers<D>) -> Option<()> {
-        let mut of_offset: Vec<u32> = vec![];
-        // offsets reach from −cells to cells; most bonds are near the middle
-        let reach = {
-            let mut reach = 0;
-            for i in 0..c.owned {
-                for s in c.slots(i) {
-                    reach = reach.max(self.offset(i, c.neighbor[s] as usize).unsigned_abs() as usize);
-                }
-            }
-            reach
-        };
-        of_offset.resize(2 * reach + 1, NOBODY);
+    fn make_stencil(&mut self, c: &Chunk<D>, place: &Numbers<D>, reach: usize) -> Option<()> {
+        let mut of_offset = vec![NOBODY; 2 * reach + 1];
         let planes = if c.neighbor.is_empty() { 0 } else { c.membership.len() / (c.neighbor.len() / 8) };
         let mut steps: Vec<[i64; D]> = vec![];
         for i in 0..c.owned {
@@ -179,8 +173,10 @@ impl<const D: usize> LatticePoints<D> {
             (step < 0, step.abs(), steps[b])
         });
         self.stencil = order.iter().map(|&b| self.stencil[b]).collect();
-        self.by_offset = self.stencil.iter().enumerate().map(|(k, b)| (b.offset, k as u32)).collect();
-        self.by_offset.sort_unstable();
+        for (k, bond) in self.stencil.iter().enumerate() {
+            of_offset[(bond.offset + reach as i32) as usize] = k as u32;
+        }
+        self.by_offset = of_offset;
         Some(())
     }
 
@@ -192,7 +188,7 @@ impl<const D: usize> LatticePoints<D> {
     fn bit(&self, i: usize, far: usize) -> (usize, u8) {
         let group = self.group_of[self.cell[i] as usize / WIDTH] as usize;
         let offset = self.offset(i, far);
-        let bond = self.by_offset[self.by_offset.partition_point(|b| b.0 < offset)].1 as usize;
+        let bond = self.by_offset[(offset + (self.by_offset.len() / 2) as i32) as usize] as usize;
         (group * self.stencil.len() + bond, 1 << (self.cell[i] as usize % WIDTH))
     }
 
@@ -218,8 +214,8 @@ impl<const D: usize> LatticePoints<D> {
 
     /// The masks of a group.
     #[inline(always)]
-    pub(crate) fn masks(&self, group: usize) -> &[u8] {
-        &self.mask[group * self.stencil.len()..][..self.stencil.len()]
+    pub(crate) fn masks(&self, group: u32) -> &[u8] {
+        &self.mask[group as usize * self.stencil.len()..][..self.stencil.len()]
     }
 
     /// Cells of a plane.
@@ -237,7 +233,50 @@ impl<const D: usize> LatticePoints<D> {
             stencil: &self.stencil,
             displacement: std::array::from_fn(|k| if k < D { &planes[k * n..][..n] } else { &planes[..0] }),
             volume: &self.volume[..n],
-            word: if self.word.is_empty() { &[] } else { &self.word[..n] },
+            // planes of one length, so that an index is checked once
+            word: if self.word.is_empty() { &self.volume[..n] } else { &self.word[..n] },
+        }
+    }
+
+    /// The arrays that families of points abreast borrow.
+    #[inline(always)]
+    pub(crate) fn configuration<R>(&self) -> Configuration<'_, R> {
+        Configuration {
+            time: 0.0,
+            coordinates: &[],
+            displacement: &[],
+            velocity: &[],
+            horizon: &[],
+            temperature: &[],
+            start: &[],
+            neighbor: &[],
+            length: &[],
+            weight: &[],
+            intact: &[],
+            membership: &[],
+            memory: &[],
+            memory_words: 0,
+            bond_memory: &[],
+            lattice: self.view(),
+        }
+    }
+
+    /// Calls `f(slot, stretch)` for the bonds whose stretch is above `least`, or so near to it that round-off decides, in the order of their
+    /// slots. Displacements are those of the planes.
+    pub(crate) fn stretched_beyond(&self, c: &Chunk<D>, least: f64, mut f: impl FnMut(usize, usize, f64)) {
+        let mut candidates = widest_abreast(Stretched { lattice: self, limit: least * (2.0 + least) });
+        candidates.sort_unstable();
+        for (i, bond) in candidates {
+            let i = i as usize;
+            let near = self.cell[i];
+            let far = near.wrapping_add_signed(self.stencil[bond as usize].offset);
+            let slot = c.slots(i).find(|&s| self.cell[c.neighbor[s] as usize] == far).expect("a bond of the point");
+            let n = self.cells;
+            let eta = Vector::<f64, D>(std::array::from_fn(|k| {
+                self.displacement[k * n + far as usize] - self.displacement[k * n + near as usize]
+            }));
+            let xi = c.xi(i, slot);
+            f(i, slot, stretch(Vector(std::array::from_fn(|k| xi[k])), eta));
         }
     }
 
@@ -247,6 +286,11 @@ impl<const D: usize> LatticePoints<D> {
         for (l, &q) in self.cell.iter().enumerate() {
             self.word[q as usize] = word(l);
         }
+    }
+
+    /// The word of a local point; 0 where there is none.
+    pub(crate) fn word(&self, local: usize) -> f64 {
+        if self.word.is_empty() { 0.0 } else { self.word[self.cell[local] as usize] }
     }
 
     /// Spreads displacements of the body (`D` words a point, sorted order) to the planes.
@@ -286,7 +330,7 @@ impl<const D: usize> LatticePoints<D> {
 
     /// Bytes held for bonds and for points.
     pub(crate) fn bytes(&self) -> (usize, usize) {
-        let bonds = self.mask.len() + self.stencil.len() * (size_of::<StencilBond>() + 8);
+        let bonds = self.mask.len() + self.stencil.len() * size_of::<StencilBond>() + self.by_offset.len() * 4;
         let planes = self.displacement.len() + self.force.len() + self.volume.len() + self.word.len();
         let points = self.cell.len() * 4
             + self.groups.len() * size_of::<Group>()
@@ -294,6 +338,59 @@ impl<const D: usize> LatticePoints<D> {
             + self.runs.len() * size_of::<Run>()
             + planes * 8;
         (bonds, points)
+    }
+}
+
+/// The length of planes that lie one after the other, at least `cells`: nine cache lines beyond a multiple of 4096 bytes, so that the
+/// entries of a cell in seven planes fall on different sets of the first-level cache.
+fn spread_planes(cells: usize) -> usize {
+    const PERIOD: usize = 512;
+    const BEYOND: usize = 72;
+    cells.saturating_sub(BEYOND).next_multiple_of(PERIOD) + BEYOND
+}
+
+/// (|Y| − |ξ|)/|ξ|, with all digits of a small strain.
+fn stretch<const D: usize>(xi: Vector<f64, D>, eta: Vector<f64, D>) -> f64 {
+    let y = xi + eta;
+    let length = xi.norm();
+    eta.dot(xi + y) / ((y.norm() + length) * length)
+}
+
+/// Bonds for which |Y|² − |ξ|² is above `limit` |ξ|² or close below, as owned point and bond of the stencil.
+struct Stretched<'a, const D: usize> {
+    lattice: &'a LatticePoints<D>,
+    limit: f64,
+}
+impl<const D: usize> GroupKernel for Stretched<'_, D> {
+    type Output = Vec<(u32, u32)>;
+    const PAIRED: bool = true;
+    #[inline(always)]
+    fn run<S: Abreast>(self) -> Self::Output {
+        let lattice = self.lattice;
+        let c = lattice.configuration::<S>();
+        let limit = self.limit - EXACT * (1.0 + self.limit.abs());
+        let mut found = vec![];
+        for (k, groups) in lattice.groups.chunks(S::GROUPS).enumerate() {
+            let first = (k * S::GROUPS) as u32;
+            // a last group without another stands beside itself, asked for nothing there
+            let (second, other) = if groups.len() > 1 { (first + 1, &groups[1]) } else { (first, &groups[0]) };
+            let lanes = if groups.len() > 1 { u16::MAX } else { u16::from(u8::MAX) };
+            let cells = [groups[0].cell as usize, other.cell as usize];
+            let family = Family::<S, D>::abreast(&c, cells, [lattice.masks(first), lattice.masks(second)], lanes);
+            family.each(
+                #[inline(always)]
+                |b| {
+                    let square = b.length() * b.length();
+                    let beyond = (b.growth() - square * limit).positive() & b.lanes();
+                    if beyond != 0 {
+                        for l in (0..2 * WIDTH).filter(|l| beyond >> l & 1 == 1) {
+                            found.push((groups[l / WIDTH].points[l % WIDTH], b.slot() as u32));
+                        }
+                    }
+                },
+            );
+        }
+        found
     }
 }
 

@@ -1,11 +1,11 @@
 //! A part: a material and the points it is assigned to. The loops over families are here, written once for every model.
 
 use crate::chunk::Chunk;
-use crate::lattice::{LatticePoints, NOBODY};
+use crate::lattice::{Group, LatticePoints, NOBODY};
 use physics::family::{Configuration, Family, Place, Reference};
 use physics::lanes::{Abreast, GroupKernel, Kernel, WIDTH, widest, widest_abreast};
 use physics::material::Material;
-use physics::scalar::{Dual, Jet, ROW, Record, Scalar, VOLUME_WORD, array, lift};
+use physics::scalar::{Dual, Jet, ROW, Record, Scalar, VOLUME_WORD, lift};
 use physics::tensor::{Linear, Matrix, Vector};
 use std::collections::BTreeMap;
 
@@ -234,37 +234,37 @@ struct OnLattice<'a, M: Material<D>, const D: usize> {
 }
 
 impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
-    /// What the families of a group reduce to: shapes and laws are of one point at a time.
+    /// What families reduce to: shapes and laws are of one point at a time.
     #[inline(always)]
-    fn states<S: Abreast>(&self, points: &[u32; WIDTH], lanes: u8, moments: &M::Moments<S>) -> M::State<S> {
+    fn states<S: Abreast>(&self, groups: [&Group; 2], lanes: u16, moments: &M::Moments<S>) -> M::State<S> {
         let part = self.part;
-        let (first, place) = (part.points[self.chunk].0, &part.place[self.chunk]);
+        let (first, place, shapes) = (part.points[self.chunk].0, &part.place[self.chunk], &part.shapes[self.chunk]);
         let nothing = <M::State<f64> as Record<f64>>::read(
             #[inline(always)]
             |_| 0.0,
             0,
         );
-        let mut states = [nothing; WIDTH];
-        for l in 0..WIDTH {
+        let mut states = [nothing; 2 * WIDTH];
+        for l in 0..S::GROUPS * WIDTH {
             if lanes >> l & 1 == 0 {
                 continue;
             }
-            let i = points[l] as usize;
+            let i = groups[l / WIDTH].points[l % WIDTH] as usize;
             let moments = <M::Moments<f64> as Record<f64>>::read(
                 #[inline(always)]
                 |k| moments.word(k).lane(l),
                 0,
             );
-            let shape = &part.shapes[self.chunk][place[i] as usize];
+            let shape = &shapes[place[i] as usize];
             states[l] = part.material.state_of(part.constants.at(first + i), shape, &moments, Place::new(self.c, i));
         }
         <M::State<S> as Record<S>>::read(
             #[inline(always)]
             |k| {
-                S::of_lanes(&array(
+                S::of_lanes(
                     #[inline(always)]
                     |l| states[l].word(k),
-                ))
+                )
             },
             0,
         )
@@ -272,32 +272,19 @@ impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
 
     #[inline(always)]
     fn run<S: Abreast>(self) {
-        let cells = self.lattice.cells();
-        let c: Configuration<'_, S> = Configuration {
-            time: self.c.time,
-            coordinates: &[],
-            displacement: &[],
-            velocity: &[],
-            horizon: &[],
-            temperature: &[],
-            start: &[],
-            neighbor: &[],
-            length: &[],
-            weight: &[],
-            intact: &[],
-            membership: &[],
-            memory: &[],
-            memory_words: 0,
-            bond_memory: &[],
-            lattice: self.lattice.view(),
-        };
-        for &(g, lanes) in &self.part.groups[self.chunk] {
-            let group = &self.lattice.groups[g as usize];
-            let first = group.cell as usize;
-            let family = Family::<S, D>::abreast(&c, first, self.lattice.masks(g as usize), lanes);
-            let near = S::load(c.lattice.volume, first);
+        let (lattice, material) = (self.lattice, &self.part.material);
+        let n = lattice.cells();
+        let c = lattice.configuration::<S>();
+        for groups in self.part.groups[self.chunk].chunks(S::GROUPS) {
+            // a last group without another stands beside itself, asked for nothing there
+            let (a, b) = (groups[0], groups.get(1).copied().unwrap_or((groups[0].0, 0)));
+            let lanes = u16::from(a.1) | u16::from(b.1) << WIDTH;
+            let [first, second] = [&lattice.groups[a.0 as usize], &lattice.groups[b.0 as usize]];
+            let cells = [first.cell as usize, second.cell as usize];
+            let family = Family::<S, D>::abreast(&c, cells, [lattice.masks(a.0), lattice.masks(b.0)], lanes);
+            let near = S::load_cells(c.lattice.volume, cells);
             if M::PAIRWISE && self.part.gathers {
-                let own = S::load(c.lattice.word, first);
+                let own = S::load_cells(c.lattice.word, cells);
                 let sum: Vector<S, D> = family.integrate(
                     #[inline(always)]
                     |b| {
@@ -307,28 +294,28 @@ impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
                             |_| both,
                             0,
                         );
-                        self.part.material.force(&state, b)
+                        material.force(&state, b)
                     },
                 );
                 for k in 0..D {
-                    (sum.0[k] * near).add_to(&mut self.planes[k * cells..][..cells], first);
+                    (sum.0[k] * near).add_to(&mut self.planes[k * n..][..n], cells);
                 }
                 continue;
             }
-            let state = self.states(&group.points, lanes, &self.part.material.moments(family));
+            let state = self.states([first, second], lanes, &material.moments(family));
             let mut own = <Vector<S, D> as Linear<S>>::nothing();
             family.each(
                 #[inline(always)]
                 |b| {
-                    let pair = self.part.material.force(&state, b) * (b.volume() * near);
+                    let pair = material.force(&state, b) * (b.volume() * near);
                     own = own + pair;
                     for k in 0..D {
-                        pair.0[k].subtract_from(&mut self.planes[k * cells..][..cells], b.far_cell());
+                        pair.0[k].subtract_from(&mut self.planes[k * n..][..n], b.far_cells());
                     }
                 },
             );
             for k in 0..D {
-                own.0[k].add_to(&mut self.planes[k * cells..][..cells], first);
+                own.0[k].add_to(&mut self.planes[k * n..][..n], cells);
             }
         }
     }
@@ -336,6 +323,8 @@ impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
 
 impl<M: Material<D>, const D: usize> GroupKernel for OnLattice<'_, M, D> {
     type Output = ();
+    /// More words than this leave too few registers for two groups.
+    const PAIRED: bool = <M::State<f64> as Record<f64>>::WORDS <= 8;
     #[inline(always)]
     fn run<S: Abreast>(self) {
         OnLattice::run::<S>(self);

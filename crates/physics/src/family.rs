@@ -3,7 +3,7 @@
 //! A number of bonds finds them in lists. A number of points that lie abreast on a lattice ([`Scalar::ABREAST`]) finds them in a stencil:
 //! ξ, |ξ| and ω are the same for all its points, and the far ends of a bond are a row of the lattice as the near ends are.
 
-use crate::scalar::{ROW, SPARE_WORD, Scalar, VOLUME_WORD, is_intact};
+use crate::scalar::{Cells, ROW, SPARE_WORD, Scalar, VOLUME_WORD, is_intact};
 use crate::tensor::{Linear, Vector};
 
 /// The arrays behind a set of families. Points are numbered locally; the first ones own families, the rest (the halo)
@@ -63,7 +63,7 @@ pub struct StencilBond {
 }
 
 /// Points of a lattice, in planes: one number a cell of the box that holds them, cells without a point included. Cells of a row are
-/// neighbours in memory, and in front of the first and behind the last cell is room for the rest of a number.
+/// neighbours in memory, and in front of the first and behind the last cell is room for the longest bonds of numbers that begin or end there.
 #[derive(Clone, Copy, Debug)]
 pub struct Lattice<'a> {
     /// The bonds.
@@ -114,11 +114,11 @@ impl<'a> Place<'a> {
 /// The family `H_x` of a material point: its intact bonds.
 pub struct Family<'a, S: Scalar, const D: usize> {
     arrays: &'a Configuration<'a, S::Sum>,
-    /// Local point, or the cell of the first of several points abreast.
     point: usize,
-    /// Points abreast: those that have each bond of the stencil, those that are asked about, and their displacements.
-    mask: &'a [u8],
-    lanes: u8,
+    /// Points abreast: where they are, those that have each bond of the stencil, those that are asked about, and their displacements.
+    cells: Cells,
+    masks: [&'a [u8]; 2],
+    lanes: u16,
     near: [S; 3],
 }
 
@@ -131,9 +131,9 @@ pub struct Bond<'a, S: Scalar, const D: usize> {
     point: usize,
     slot: usize,
     far: S::Index,
-    /// Points abreast: the cell of the first far point, the points that have the bond, and their displacements.
-    cell: usize,
-    lanes: u8,
+    /// Points abreast: the cells of the far points, the points that have the bond, and their displacements.
+    cells: Cells,
+    lanes: u16,
     near: [S; 3],
 }
 
@@ -162,31 +162,36 @@ impl<'a, S: Scalar, const D: usize> Family<'a, S, D> {
     /// The family of local point `point`.
     #[inline(always)]
     pub fn new(arrays: &'a Configuration<'a, S::Sum>, point: usize) -> Self {
-        Family { arrays, point, mask: &[], lanes: 0, near: [S::of(0.0); 3] }
+        Family { arrays, point, cells: [0; 2], masks: [&[]; 2], lanes: 0, near: [S::of(0.0); 3] }
     }
-    /// The families of the points `lanes` (one bit each) in the cells from `cell` on. `mask` has a byte for each bond of the stencil: a
-    /// bit for each point that has it.
+    /// The families of the points `lanes` (one bit each) in the groups of eight cells that begin with `cells`. `masks` have a byte for each
+    /// bond of the stencil: a bit for each point of the group that has it.
     #[inline(always)]
-    pub fn abreast(arrays: &'a Configuration<'a, S::Sum>, cell: usize, mask: &'a [u8], lanes: u8) -> Self {
+    pub fn abreast(arrays: &'a Configuration<'a, S::Sum>, cells: Cells, masks: [&'a [u8]; 2], lanes: u16) -> Self {
         let near = crate::scalar::array(
             #[inline(always)]
-            |k| if k < D { S::load(arrays.lattice.displacement[k], cell) } else { S::of(0.0) },
+            |k| if k < D { S::load_cells(arrays.lattice.displacement[k], cells) } else { S::of(0.0) },
         );
-        Family { arrays, point: cell, mask: &mask[..arrays.lattice.stencil.len()], lanes, near }
+        let bonds = arrays.lattice.stencil.len();
+        Family { arrays, point: 0, cells, masks: [&masks[0][..bonds], &masks[1][..bonds]], lanes, near }
     }
     /// Calls `f` for every intact bond (lanes: for every block, broken bonds included, whose `volume` is zero).
     #[inline(always)]
     pub fn each(self, mut f: impl FnMut(Bond<'a, S, D>)) {
         let a = self.arrays;
         if S::ABREAST {
-            for (slot, (bond, mask)) in a.lattice.stencil.iter().zip(self.mask).enumerate() {
-                let lanes = mask & self.lanes;
+            for (slot, (bond, masks)) in a.lattice.stencil.iter().zip(self.masks[0].iter().zip(self.masks[1])).enumerate() {
+                let second = if S::GROUPS > 1 { u16::from(*masks.1) << 8 } else { 0 };
+                let lanes = (u16::from(*masks.0) | second) & self.lanes;
                 // near a surface
                 if lanes == 0 {
                     continue;
                 }
-                let cell = self.point.wrapping_add_signed(bond.offset as isize);
-                f(Bond { arrays: a, point: self.point, slot, far: S::splat_index(cell), cell, lanes, near: self.near });
+                let cells = crate::scalar::array(
+                    #[inline(always)]
+                    |g| (self.cells[g] as u32).wrapping_add_signed(bond.offset) as usize,
+                );
+                f(Bond { arrays: a, point: self.point, slot, far: S::splat_index(cells[0]), cells, lanes, near: self.near });
             }
             return;
         }
@@ -194,7 +199,7 @@ impl<'a, S: Scalar, const D: usize> Family<'a, S, D> {
         while slot < end {
             if S::WIDTH > 1 || is_intact(a.intact, slot) {
                 let far = S::index(a.neighbor, slot);
-                f(Bond { arrays: a, point: self.point, slot, far, cell: 0, lanes: 0, near: self.near });
+                f(Bond { arrays: a, point: self.point, slot, far, cells: [0; 2], lanes: 0, near: self.near });
             }
             slot += S::WIDTH;
         }
@@ -279,7 +284,10 @@ impl<S: Scalar, const D: usize> Undeformed<S, D> for Bond<'_, S, D> {
         if S::ABREAST {
             S::of(self.of_stencil().length)
         } else if self.arrays.length.is_empty() {
-            self.xi().norm()
+            let xi = self.xi();
+            let square = xi.dot(xi);
+            // lanes have the inverse at a third of the time
+            if S::WIDTH > 1 { square * square.rsqrt() } else { square.sqrt() }
         } else {
             S::load(self.arrays.length, self.slot)
         }
@@ -347,7 +355,7 @@ impl<'a, S: Scalar, const D: usize> Bond<'a, S, D> {
             // none where there is no bond: whatever is in the cell, the bond computes with sane numbers
             return Vector(crate::scalar::array(
                 #[inline(always)]
-                |k| (S::load(planes[k], self.cell) - self.near[k]).keep(self.lanes),
+                |k| (S::load_cells(planes[k], self.cells) - self.near[k]).keep(self.lanes),
             ));
         }
         let u = self.arrays.displacement;
@@ -362,30 +370,37 @@ impl<'a, S: Scalar, const D: usize> Bond<'a, S, D> {
     /// Extension e = |Y| − |ξ| and the unit vector along Y = ξ + η. The extension comes from
     /// `(2ξ·η + η·η)/(|Y| + |ξ|)`, so small strains keep all their digits and an undeformed bond has exactly none.
     #[inline(always)]
-    pub fn extension(self) -> (S, Vector<S, D>) {
+    pub fn extension(self) -> (S, Direction<S, D>) {
         let (growth, sum, y) = self.elongation();
         (growth * sum.recip(), y)
     }
     /// Stretch s = e/|ξ| and the unit vector along Y, with the same care.
     #[inline(always)]
-    pub fn stretch(self) -> (S, Vector<S, D>) {
+    pub fn stretch(self) -> (S, Direction<S, D>) {
         let (growth, sum, y) = self.elongation();
         (growth * (sum * self.length()).recip(), y)
     }
+    /// |Y|² − |ξ|² = 2ξ·η + η·η, with all digits of a small strain.
+    #[inline(always)]
+    pub fn growth(self) -> S {
+        let (xi, eta) = (self.xi(), self.eta());
+        eta.dot(xi + (xi + eta))
+    }
     /// |Y|² − |ξ|², |Y| + |ξ|, and the unit vector along Y.
     #[inline(always)]
-    fn elongation(self) -> (S, S, Vector<S, D>) {
+    fn elongation(self) -> (S, S, Direction<S, D>) {
         let (xi, eta, length) = (self.xi(), self.eta(), self.length());
-        let growth = eta.dot(xi * S::of(2.0) + eta);
+        let y = xi + eta;
+        let growth = eta.dot(xi + y);
         let square = length.fma(length, growth);
         let inverse = square.rsqrt();
-        (growth, square.fma(inverse, length), (xi + eta) * inverse)
+        (growth, square.fma(inverse, length), Direction { y, inverse })
     }
     /// Volume V′ of the far point, zero where the bond is broken.
     #[inline(always)]
     pub fn volume(self) -> S {
         if S::ABREAST {
-            return S::load(self.arrays.lattice.volume, self.cell).keep(self.lanes);
+            return S::load_cells(self.arrays.lattice.volume, self.cells).keep(self.lanes);
         }
         S::row_f64(self.arrays.coordinates, self.far)[VOLUME_WORD].masked(self.arrays.intact, self.slot)
     }
@@ -416,16 +431,13 @@ impl<'a, S: Scalar, const D: usize> Bond<'a, S, D> {
     /// Volume V of the near point, zero where the bond is broken.
     #[inline(always)]
     pub fn near_volume(self) -> S {
-        if S::ABREAST {
-            return S::load(self.arrays.lattice.volume, self.point).keep(self.lanes);
-        }
         S::of(self.arrays.coordinates[self.point * ROW + VOLUME_WORD]).masked(self.arrays.intact, self.slot)
     }
     /// The word of the far point's displacement row that holds no displacement: see [`Configuration::displacement`].
     #[inline(always)]
     pub fn far_word(self) -> S {
         if S::ABREAST {
-            return S::load(self.arrays.lattice.word, self.cell);
+            return S::load_cells(self.arrays.lattice.word, self.cells);
         }
         S::row(self.arrays.displacement, self.far)[SPARE_WORD]
     }
@@ -435,10 +447,10 @@ impl<'a, S: Scalar, const D: usize> Bond<'a, S, D> {
         let a = self.arrays;
         S::load(&a.bond_memory[k * a.neighbor.len()..], self.slot)
     }
-    /// Points abreast: the cell of the first far point.
+    /// Points abreast: the cells of the far points.
     #[inline(always)]
-    pub fn far_cell(self) -> usize {
-        self.cell
+    pub fn far_cells(self) -> Cells {
+        self.cells
     }
     /// The far point.
     #[inline(always)]
@@ -452,8 +464,22 @@ impl<'a, S: Scalar, const D: usize> Bond<'a, S, D> {
     }
     /// Points abreast that have the bond, one bit each.
     #[inline(always)]
-    pub fn lanes(self) -> u8 {
+    pub fn lanes(self) -> u16 {
         self.lanes
+    }
+}
+
+/// The unit vector along Y. Times a number it costs one multiplication more than a vector.
+#[derive(Clone, Copy)]
+pub struct Direction<S, const D: usize> {
+    y: Vector<S, D>,
+    inverse: S,
+}
+impl<S: Scalar, const D: usize> std::ops::Mul<S> for Direction<S, D> {
+    type Output = Vector<S, D>;
+    #[inline(always)]
+    fn mul(self, x: S) -> Vector<S, D> {
+        self.y * (self.inverse * x)
     }
 }
 

@@ -5,7 +5,7 @@
 //! with vector instructions cannot run on a machine without them; all unsafe code of the program is in
 //! `lanes/avx512.rs`. The portable lanes are the fallback and, in tests, the oracle.
 
-use crate::scalar::{ROW, Scalar, array};
+use crate::scalar::{Cells, ROW, Scalar, array};
 use std::marker::PhantomData;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -395,8 +395,12 @@ macro_rules! eight_lanes {
             Self::new(I::load(block))
         }
         #[inline(always)]
-        fn keep(self, lanes: u8) -> Self {
-            Self::new(I::mask(self.0, lanes))
+        fn keep(self, lanes: u16) -> Self {
+            Self::new(I::mask(self.0, lanes as u8))
+        }
+        #[inline(always)]
+        fn load_cells(plane: &[f64], cells: Cells) -> Self {
+            Self::load(plane, cells[0])
         }
     };
 }
@@ -487,7 +491,7 @@ impl<I: InstructionSet> Scalar for Lanes<I, Points> {
     }
     #[inline(always)]
     fn masked(self, intact: &[u8], at: usize) -> Self {
-        self.keep(intact[at])
+        self.keep(intact[at].into())
     }
     fn subtract_rows<const D: usize>(_: &mut [Self], _: u32, _: [Self; D]) {
         unreachable!("{PLANES}")
@@ -496,18 +500,18 @@ impl<I: InstructionSet> Scalar for Lanes<I, Points> {
 
 const PLANES: &str = "points of a lattice are stored in planes, not in rows";
 
-/// A number for each of eight points of a lattice that lie side by side.
+/// A number for each of several points of a lattice: groups of eight that lie side by side.
 pub trait Abreast: Scalar<Sum = Self, Index = u32> {
     /// The number of lane `l`.
     fn lane(&self, l: usize) -> f64;
     /// A number of each lane.
-    fn of_lanes(lanes: &[f64; WIDTH]) -> Self;
-    /// Adds to eight numbers in a row.
-    fn add_to(self, plane: &mut [f64], at: usize);
-    /// Subtracts from eight numbers in a row.
-    fn subtract_from(self, plane: &mut [f64], at: usize);
+    fn of_lanes(lane: impl Fn(usize) -> f64 + Copy) -> Self;
+    /// Adds to the numbers of the points.
+    fn add_to(self, plane: &mut [f64], cells: Cells);
+    /// Subtracts from the numbers of the points.
+    fn subtract_from(self, plane: &mut [f64], cells: Cells);
     /// A bit for each lane that is above zero.
-    fn positive(self) -> u8;
+    fn positive(self) -> u16;
 }
 
 impl<I: InstructionSet> Abreast for Lanes<I, Points> {
@@ -516,24 +520,182 @@ impl<I: InstructionSet> Abreast for Lanes<I, Points> {
         self.0[l]
     }
     #[inline(always)]
-    fn of_lanes(lanes: &Eight) -> Self {
-        Self::new(I::load(lanes))
+    fn of_lanes(lane: impl Fn(usize) -> f64 + Copy) -> Self {
+        Self::new(I::load(&array(lane)))
     }
     #[inline(always)]
-    fn add_to(self, plane: &mut [f64], at: usize) {
-        let block: &mut Eight = (&mut plane[at..at + WIDTH]).try_into().expect("as many as lanes");
+    fn add_to(self, plane: &mut [f64], cells: Cells) {
+        let block: &mut Eight = (&mut plane[cells[0]..cells[0] + WIDTH]).try_into().expect("as many as lanes");
         let sum = I::add(I::load(block), self.0);
         I::store(block, sum);
     }
     #[inline(always)]
-    fn subtract_from(self, plane: &mut [f64], at: usize) {
-        let block: &mut Eight = (&mut plane[at..at + WIDTH]).try_into().expect("as many as lanes");
+    fn subtract_from(self, plane: &mut [f64], cells: Cells) {
+        let block: &mut Eight = (&mut plane[cells[0]..cells[0] + WIDTH]).try_into().expect("as many as lanes");
         let difference = I::sub(I::load(block), self.0);
         I::store(block, difference);
     }
     #[inline(always)]
-    fn positive(self) -> u8 {
-        I::positive(self.0)
+    fn positive(self) -> u16 {
+        I::positive(self.0).into()
+    }
+}
+
+/// Two groups of points. What one waits for (the equations of a bond are long chains of operations) the other fills.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pair<A>(A, A);
+
+macro_rules! of_halves {
+    ($($trait:ident $f:ident),*) => {$(
+        impl<A: Abreast> $trait for Pair<A> {
+            type Output = Self;
+            #[inline(always)]
+            fn $f(self, o: Self) -> Self {
+                Pair(self.0.$f(o.0), self.1.$f(o.1))
+            }
+        }
+    )*};
+}
+of_halves!(Add add, Sub sub, Mul mul, Div div);
+impl<A: Abreast> Mul<f64> for Pair<A> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, o: f64) -> Self {
+        Pair(self.0 * o, self.1 * o)
+    }
+}
+impl<A: Abreast> Neg for Pair<A> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Pair(-self.0, -self.1)
+    }
+}
+impl<A: Abreast> AddAssign for Pair<A> {
+    #[inline(always)]
+    fn add_assign(&mut self, o: Self) {
+        *self = *self + o;
+    }
+}
+impl<A: Abreast> SubAssign for Pair<A> {
+    #[inline(always)]
+    fn sub_assign(&mut self, o: Self) {
+        *self = *self - o;
+    }
+}
+
+macro_rules! functions_of_halves {
+    ($($f:ident)*) => {$(
+        #[inline(always)]
+        fn $f(self) -> Self {
+            Pair(self.0.$f(), self.1.$f())
+        }
+    )*};
+}
+
+impl<A: Abreast> Scalar for Pair<A> {
+    type Sum = Self;
+    type Index = u32;
+    const WIDTH: usize = 1;
+    const ABREAST: bool = true;
+    const GROUPS: usize = 2;
+    functions_of_halves!(sqrt rsqrt recip ln ln_1p exp exp_m1);
+    #[inline(always)]
+    fn of(x: f64) -> Self {
+        let x = A::of(x);
+        Pair(x, x)
+    }
+    #[inline(always)]
+    fn lift(x: Self) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn sum(self) -> Self {
+        self
+    }
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self.0.value()
+    }
+    #[inline(always)]
+    fn fma(self, a: Self, b: Self) -> Self {
+        Pair(self.0.fma(a.0, b.0), self.1.fma(a.1, b.1))
+    }
+    #[inline(always)]
+    fn select(self, a: Self, b: Self) -> Self {
+        Pair(self.0.select(a.0, b.0), self.1.select(a.1, b.1))
+    }
+    #[inline(always)]
+    fn map(self, f: impl Fn(f64) -> (f64, f64)) -> Self {
+        Pair(self.0.map(&f), self.1.map(&f))
+    }
+    #[inline(always)]
+    fn powf(self, p: f64) -> Self {
+        Pair(self.0.powf(p), self.1.powf(p))
+    }
+    #[inline(always)]
+    fn keep(self, lanes: u16) -> Self {
+        Pair(self.0.keep(lanes & 0xff), self.1.keep(lanes >> WIDTH))
+    }
+    #[inline(always)]
+    fn load_cells(plane: &[f64], cells: Cells) -> Self {
+        Pair(A::load(plane, cells[0]), A::load(plane, cells[1]))
+    }
+    fn index(_: &[u32], _: usize) -> u32 {
+        unreachable!("{PLANES}")
+    }
+    #[inline(always)]
+    fn splat_index(i: usize) -> u32 {
+        i as u32
+    }
+    fn load(_: &[f64], _: usize) -> Self {
+        unreachable!("{PLANES}")
+    }
+    fn load_point(_: &[f64], _: u32) -> Self {
+        unreachable!("{PLANES}")
+    }
+    fn row_f64(_: &[f64], _: u32) -> [Self; ROW] {
+        unreachable!("{PLANES}")
+    }
+    fn row(_: &[Self], _: u32) -> [Self; ROW] {
+        unreachable!("{PLANES}")
+    }
+    fn masked(self, _: &[u8], _: usize) -> Self {
+        unreachable!("{PLANES}")
+    }
+    fn subtract_rows<const D: usize>(_: &mut [Self], _: u32, _: [Self; D]) {
+        unreachable!("{PLANES}")
+    }
+}
+
+impl<A: Abreast> Abreast for Pair<A> {
+    #[inline(always)]
+    fn lane(&self, l: usize) -> f64 {
+        if l < WIDTH { self.0.lane(l) } else { self.1.lane(l - WIDTH) }
+    }
+    #[inline(always)]
+    fn of_lanes(lane: impl Fn(usize) -> f64 + Copy) -> Self {
+        Pair(
+            A::of_lanes(lane),
+            A::of_lanes(
+                #[inline(always)]
+                |l| lane(l + WIDTH),
+            ),
+        )
+    }
+    #[inline(always)]
+    fn add_to(self, plane: &mut [f64], cells: Cells) {
+        self.0.add_to(plane, cells);
+        self.1.add_to(plane, [cells[1]; 2]);
+    }
+    #[inline(always)]
+    fn subtract_from(self, plane: &mut [f64], cells: Cells) {
+        self.0.subtract_from(plane, cells);
+        self.1.subtract_from(plane, [cells[1]; 2]);
+    }
+    #[inline(always)]
+    fn positive(self) -> u16 {
+        self.0.positive() | self.1.positive() << WIDTH
     }
 }
 
@@ -549,6 +711,8 @@ pub trait Kernel {
 pub trait GroupKernel {
     /// What it gives.
     type Output;
+    /// Whether two groups at a time are better than one: long chains of operations on few numbers.
+    const PAIRED: bool;
     /// The computation; must be `#[inline(always)]`, with everything it calls.
     fn run<S: Abreast>(self) -> Self::Output;
 }
@@ -560,12 +724,12 @@ pub fn widest_abreast<K: GroupKernel>(kernel: K) -> K::Output {
     if let Some(run) = avx512::available_abreast::<K>() {
         return run(kernel);
     }
-    kernel.run::<Lanes<Portable, Points>>()
+    portable_abreast(kernel)
 }
 
 /// Runs a kernel over groups of points with the portable lanes (for comparison).
 pub fn portable_abreast<K: GroupKernel>(kernel: K) -> K::Output {
-    kernel.run::<Lanes<Portable, Points>>()
+    if K::PAIRED { kernel.run::<Pair<Lanes<Portable, Points>>>() } else { kernel.run::<Lanes<Portable, Points>>() }
 }
 
 /// Runs a kernel with the widest lanes of this machine.

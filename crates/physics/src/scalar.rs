@@ -16,6 +16,9 @@ pub const VOLUME_WORD: usize = 3;
 /// The word of a displacement row that holds no displacement.
 pub const SPARE_WORD: usize = 3;
 
+/// The first cells of the groups of eight points that a number of points abreast holds: two, or one and nothing.
+pub type Cells = [usize; 2];
+
 /// Builds an array from a function of the index; unlike `std::array::from_fn` certain to be inlined.
 #[inline(always)]
 pub fn array<T: Copy, const N: usize>(mut f: impl FnMut(usize) -> T) -> [T; N] {
@@ -52,6 +55,8 @@ pub trait Scalar:
     /// Whether the number holds the same bond of several points of a lattice, one beside the other. Families of such numbers are backed by
     /// a [`Lattice`](crate::family::Lattice) instead of lists.
     const ABREAST: bool = false;
+    /// Groups of eight points that a number of points abreast holds: one or two.
+    const GROUPS: usize = 1;
     /// Whether the number carries derivatives.
     const DIFFERENTIATES: bool = false;
 
@@ -138,7 +143,9 @@ pub trait Scalar:
     /// Zero where the bond of the slot is broken or padding.
     fn masked(self, intact: &[u8], at: usize) -> Self;
     /// Zero in the lanes whose bit is not set; a single number has one lane.
-    fn keep(self, lanes: u8) -> Self;
+    fn keep(self, lanes: u16) -> Self;
+    /// A number per point, for points abreast: `cells` begin its groups of eight.
+    fn load_cells(plane: &[f64], cells: Cells) -> Self;
     /// Subtracts `v` from the rows of the far points, one bond after the other.
     fn subtract_rows<const D: usize>(rows: &mut [Self::Sum], idx: Self::Index, v: [Self; D]);
 }
@@ -198,8 +205,12 @@ macro_rules! one_bond {
             if is_intact(intact, at) { self } else { <$t>::of(0.0) }
         }
         #[inline(always)]
-        fn keep(self, lanes: u8) -> $t {
+        fn keep(self, lanes: u16) -> $t {
             if lanes & 1 == 1 { self } else { <$t>::of(0.0) }
+        }
+        #[inline(always)]
+        fn load_cells(plane: &[f64], cells: Cells) -> $t {
+            <$t>::of(plane[cells[0]])
         }
         #[inline(always)]
         fn subtract_rows<const D: usize>(rows: &mut [$t], idx: u32, v: [$t; D]) {

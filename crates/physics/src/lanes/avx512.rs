@@ -3,7 +3,7 @@
 //! Soundness: [`Avx512`] is private to the parent module and reaches a kernel only through [`available`], which has
 //! asked the processor; every load and store by index compares the indices with the length of its slice first.
 
-use super::{Bonds, Eight, GroupKernel, Indices, InstructionSet, Kernel, Lanes, Points};
+use super::{Bonds, Eight, GroupKernel, Indices, InstructionSet, Kernel, Lanes, Pair, Points};
 use crate::scalar::ROW;
 use std::arch::x86_64::*;
 
@@ -28,7 +28,7 @@ fn run<K: Kernel>(kernel: K) -> K::Output {
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,fma")]
 #[inline(never)]
 fn run_abreast<K: GroupKernel>(kernel: K) -> K::Output {
-    kernel.run::<Lanes<Avx512, Points>>()
+    if K::PAIRED { kernel.run::<Pair<Lanes<Avx512, Points>>>() } else { kernel.run::<Lanes<Avx512, Points>>() }
 }
 
 /// The way to run a kernel with these lanes, where the processor has them.
@@ -128,31 +128,28 @@ impl InstructionSet for Avx512 {
     fn sqrt(a: Eight) -> Eight {
         w(unsafe { _mm512_sqrt_pd(m(a)) })
     }
-    /// The 14-bit estimate and two Newton steps: full precision but for the last bit or two.
+    /// The 14-bit estimate r and what is left of 1/√x = r (1 − e)^(−1/2), e = 1 − x r², to the third power of e: full precision but for
+    /// the last bit or two, and a shorter chain of operations than two Newton steps.
     #[inline(always)]
     fn rsqrt(a: Eight) -> Eight {
         unsafe {
             let x = m(a);
-            let half = _mm512_mul_pd(x, _mm512_set1_pd(0.5));
-            let mut r = _mm512_rsqrt14_pd(x);
-            for _ in 0..2 {
-                let e = _mm512_fnmadd_pd(_mm512_mul_pd(half, r), r, _mm512_set1_pd(0.5));
-                r = _mm512_fmadd_pd(r, e, r);
-            }
-            w(r)
+            let r = _mm512_rsqrt14_pd(x);
+            let e = _mm512_fnmadd_pd(_mm512_mul_pd(x, r), r, _mm512_set1_pd(1.0));
+            let p = _mm512_fmadd_pd(e, _mm512_set1_pd(0.3125), _mm512_set1_pd(0.375));
+            let p = _mm512_fmadd_pd(p, e, _mm512_set1_pd(0.5));
+            w(_mm512_fmadd_pd(_mm512_mul_pd(r, e), p, r))
         }
     }
-    /// The 14-bit estimate and two Newton steps, as above; a division takes the processor longer.
+    /// The 14-bit estimate r and what is left of 1/x = r (1 + e)(1 + e²)…, e = 1 − x r; a division takes the processor longer.
     #[inline(always)]
     fn recip(a: Eight) -> Eight {
         unsafe {
             let x = m(a);
-            let mut r = _mm512_rcp14_pd(x);
-            for _ in 0..2 {
-                let e = _mm512_fnmadd_pd(x, r, _mm512_set1_pd(1.0));
-                r = _mm512_fmadd_pd(r, e, r);
-            }
-            w(r)
+            let r = _mm512_rcp14_pd(x);
+            let e = _mm512_fnmadd_pd(x, r, _mm512_set1_pd(1.0));
+            let better = _mm512_fmadd_pd(r, e, r);
+            w(_mm512_fmadd_pd(better, _mm512_mul_pd(e, e), better))
         }
     }
     #[inline(always)]
