@@ -4,7 +4,8 @@
 //! images), every part adds the forces of its families, and what landed on halos comes back in a fixed order. The number
 //! of chunks depends on the body only, so results are the same bit for bit on any number of threads.
 
-use crate::chunk::{Chunk, Link};
+use crate::chunk::{Chunk, Link, Rows};
+use crate::lattice::LatticePoints;
 use crate::part::{Part, SEEDS};
 use physics::scalar::{Dual, Jet, ROW, SPARE_WORD, Scalar};
 use physics::tensor::Matrix;
@@ -21,6 +22,24 @@ struct Inflow {
     source: u32,
     /// Local index there, owned local index here, reflected components.
     pairs: Vec<(u32, u32, u8)>,
+}
+
+impl Inflow {
+    /// Adds the forces on the halo to those of its points.
+    #[inline(always)]
+    fn add<const D: usize>(&self, out: &mut [f64], force: impl Fn(usize, usize) -> f64) {
+        for &(l, i, flip) in &self.pairs {
+            for k in 0..D {
+                let f = force(l as usize, k);
+                out[i as usize * D + k] += if flip >> k & 1 == 1 { -f } else { f };
+            }
+        }
+    }
+}
+
+/// Whether all materials of a chunk take their families from its lattice.
+pub(crate) fn on_lattice<const D: usize>(parts: &[Box<dyn Part<D>>], chunk: usize, c: &Chunk<D>) -> bool {
+    c.lattice.is_some() && parts.iter().all(|p| p.takes_lattice(chunk))
 }
 
 /// |Y|/|ξ| above which the stiffening of bonds that collapse is within the safety of an explicit step.
@@ -155,7 +174,7 @@ impl<const D: usize> Body<D> {
             c.memory_words = point_words;
             c.memory = vec![0.0; point_words * c.owned];
             c.bond_memory = vec![0.0; bond_words * c.neighbor.len()];
-            c.velocity = crate::chunk::Rows::zeros(if velocity { c.points.len() * ROW } else { 0 });
+            c.velocity = Rows::zeros(if velocity { c.points.len() * ROW } else { 0 });
         }
         let mut singular = vec![];
         for part in &mut self.parts {
@@ -165,6 +184,11 @@ impl<const D: usize> Body<D> {
         if !singular.is_empty() {
             return Err(singular);
         }
+        for k in 0..self.chunks.len() {
+            if !self.parts.iter().all(|p| p.takes_lattice(k)) {
+                self.chunks[k].leave_lattice();
+            }
+        }
         if let [part] = self.parts.as_slice()
             && part.gathers()
         {
@@ -172,12 +196,32 @@ impl<const D: usize> Body<D> {
                 (0..c.owned).for_each(|i| out[i] = part.state_word(k, i, &c.configuration()));
             });
             for c in &mut self.chunks {
+                if let Some(lattice) = &mut c.lattice {
+                    lattice.set_words(|l| words[c.points[l] as usize]);
+                    continue;
+                }
                 for (l, &p) in c.points.iter().enumerate() {
                     c.displacement[l * ROW + SPARE_WORD] = words[p as usize];
                 }
             }
         }
         Ok(())
+    }
+
+    /// Goes over to lists everywhere, also where points lie on a lattice: for comparisons.
+    pub fn leave_lattices(&mut self) {
+        self.chunks.iter_mut().for_each(Chunk::leave_lattice);
+    }
+
+    /// Stores no lengths of bonds: eight bytes a bond less where points lie on no lattice, and longer force evaluations.
+    pub fn forget_lengths(&mut self) {
+        self.chunks.iter_mut().for_each(|c| c.length = vec![]);
+    }
+
+    /// The share of the points whose families come from a lattice.
+    pub fn share_on_lattices(&self) -> f64 {
+        let on = self.chunks.iter().enumerate().filter(|(k, c)| on_lattice(&self.parts, *k, c)).map(|(_, c)| c.owned).sum::<usize>();
+        on as f64 / self.points.max(1) as f64
     }
 
     /// Sets time, and the temperature change of every point (sorted order) where there is one.
@@ -193,22 +237,30 @@ impl<const D: usize> Body<D> {
 
     /// Hands displacements (and velocities, where a material looks at them) to the chunks.
     pub fn forward(&mut self, u: &[f64], v: Option<&[f64]>) {
-        self.chunks.par_iter_mut().for_each(|c| {
-            Chunk::<D>::fill_rows(&c.points, &c.flips, &mut c.displacement, |q| u[q]);
-            if let (false, Some(v)) = (c.velocity.is_empty(), v) {
-                Chunk::<D>::fill_rows(&c.points, &c.flips, &mut c.velocity, |q| v[q]);
-            } else {
-                c.velocity.fill(0.0);
-            }
-        });
+        self.chunks.par_iter_mut().for_each(|c| c.forward(u, v));
     }
 
     /// Internal forces \[N\] at displacements `u` (and velocities `v`), overwriting `force`.
     pub fn internal_force(&mut self, u: &[f64], v: Option<&[f64]>, force: &mut [f64]) {
-        self.forward(u, v);
         let parts = &self.parts;
         self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
+            let on_lattice = on_lattice(parts, k, c);
+            c.hand_out(on_lattice, u, v);
+            if on_lattice && let Some(mut lattice) = c.lattice.take() {
+                let mut planes = std::mem::take(&mut lattice.force);
+                planes.fill(0.0);
+                for part in parts {
+                    part.add_force_on_lattice(k, &c.configuration(), &lattice, &mut planes);
+                }
+                lattice.force = planes;
+                c.lattice = Some(lattice);
+                return;
+            }
             let mut rows = std::mem::take(&mut c.force);
+            if rows.is_empty() {
+                // a lattice that families are not taken from any more
+                rows = Rows::zeros(c.points.len() * ROW);
+            }
             rows.fill(0.0);
             let view = c.configuration();
             for part in parts {
@@ -216,7 +268,27 @@ impl<const D: usize> Body<D> {
             }
             c.force = rows;
         });
-        self.gather(force, |c, q| c.force[q]);
+        let planes: Vec<Option<&LatticePoints<D>>> =
+            self.chunks.iter().enumerate().map(|(k, c)| c.lattice.as_ref().filter(|_| on_lattice(parts, k, c))).collect();
+        force.par_chunks_mut(self.chunk_points * D).zip(&self.chunks).zip(&planes).zip(&self.inflow).for_each(
+            |(((out, chunk), lattice), inflow)| {
+                match lattice {
+                    Some(lattice) => lattice.own_force(chunk.owned, out),
+                    None => {
+                        for (f, row) in out.chunks_exact_mut(D).zip(chunk.force.chunks_exact(ROW)) {
+                            f.copy_from_slice(&row[..D]);
+                        }
+                    }
+                }
+                for flow in inflow {
+                    let source = flow.source as usize;
+                    match planes[source] {
+                        Some(lattice) => flow.add::<D>(out, |l, k| lattice.force_on(l, k)),
+                        None => flow.add::<D>(out, |l, k| self.chunks[source].force[l * ROW + k]),
+                    }
+                }
+            },
+        );
     }
 
     /// `K x` with `K = −∂f/∂u` of the internal forces, exact.
@@ -271,12 +343,7 @@ impl<const D: usize> Body<D> {
             }
             for flow in inflow {
                 let source = &self.chunks[flow.source as usize];
-                for &(l, i, flip) in &flow.pairs {
-                    for k in 0..D {
-                        let f = row(source, l as usize * ROW + k);
-                        out[i as usize * D + k] += if flip >> k & 1 == 1 { -f } else { f };
-                    }
-                }
+                flow.add::<D>(out, |l, k| row(source, l * ROW + k));
             }
         });
     }

@@ -1,7 +1,8 @@
 //! A chunk: a contiguous run of spatially sorted points, the halo its bonds reach, and the arrays of its families.
 
-use physics::family::Configuration;
-use physics::scalar::{Dual, ROW, Scalar, VOLUME_WORD};
+use crate::lattice::LatticePoints;
+use physics::family::{Configuration, Lattice};
+use physics::scalar::{Dual, ROW, SPARE_WORD, Scalar, VOLUME_WORD};
 
 /// A bond of a family as the builder hands it over.
 #[derive(Clone, Copy, Debug)]
@@ -85,6 +86,8 @@ pub struct Chunk<const D: usize> {
     pub(crate) memory_words: usize,
     pub(crate) bond_memory: Vec<f64>,
     pub(crate) time: f64,
+    /// The local points on a lattice, where they lie on one; lengths are then not stored.
+    pub(crate) lattice: Option<LatticePoints<D>>,
 }
 
 impl<const D: usize> Chunk<D> {
@@ -125,6 +128,7 @@ impl<const D: usize> Chunk<D> {
             memory_words: 0,
             bond_memory: vec![],
             time: 0.0,
+            lattice: None,
         };
         let mut ends: Vec<[f64; 3]> = position[first..first + owned].to_vec();
         for p in first..first + owned {
@@ -152,8 +156,6 @@ impl<const D: usize> Chunk<D> {
                     ends.push(link.end);
                 }
                 c.neighbor.push(*known);
-                let square: f64 = (0..D).map(|k| (link.end[k] - position[p][k]).powi(2)).sum();
-                c.length.push(square.sqrt());
                 if weighted {
                     c.weight.push(link.weight);
                 }
@@ -169,7 +171,6 @@ impl<const D: usize> Chunk<D> {
             }
             if let Some(&last) = c.neighbor.last() {
                 c.neighbor.resize(slots, last);
-                c.length.resize(slots, *c.length.last().expect("as many as neighbours"));
                 if weighted {
                     c.weight.resize(slots, *c.weight.last().expect("as many as neighbours"));
                 }
@@ -186,6 +187,7 @@ impl<const D: usize> Chunk<D> {
         for p in &c.points {
             seen[*p as usize] = u32::MAX;
         }
+        c.sort_halo(&mut ends);
         let mut coordinates = Vec::with_capacity(c.points.len() * ROW);
         for (l, p) in c.points.iter().enumerate() {
             let mut row = [0.0; ROW];
@@ -195,12 +197,87 @@ impl<const D: usize> Chunk<D> {
             c.horizon.push(horizon[*p as usize]);
         }
         c.coordinates = Rows::of(&coordinates);
-        c.displacement = Rows::zeros(c.points.len() * ROW);
-        c.force = Rows::zeros(c.points.len() * ROW);
         c.neighbor.shrink_to_fit();
-        c.length.shrink_to_fit();
         c.weight.shrink_to_fit();
+        c.lattice = LatticePoints::find(&c);
+        if c.lattice.is_none() {
+            c.store_lengths();
+            c.make_rows();
+        }
         c
+    }
+
+    /// Rows for displacements and forces: where families are taken from a lattice not before something else asks for them.
+    fn make_rows(&mut self) {
+        let words = self.points.len() * ROW;
+        if self.displacement.len() < words {
+            self.displacement = Rows::zeros(words);
+            if let Some(lattice) = &self.lattice {
+                for l in 0..self.points.len() {
+                    self.displacement[l * ROW + SPARE_WORD] = lattice.word(l);
+                }
+            }
+        }
+        if self.lattice.is_none() && self.force.len() < words {
+            self.force = Rows::zeros(words);
+        }
+    }
+
+    /// Brings the halo into the order of the body, so that exchange goes through memory in order.
+    fn sort_halo(&mut self, ends: &mut [[f64; 3]]) {
+        let mut order: Vec<u32> = (self.owned as u32..self.points.len() as u32).collect();
+        order.sort_unstable_by_key(|&l| (self.flips[l as usize], self.points[l as usize]));
+        let old = (self.points.clone(), self.flips.clone(), ends.to_vec());
+        let mut place: Vec<u32> = (0..self.points.len() as u32).collect();
+        for (k, &l) in order.iter().enumerate() {
+            let new = self.owned + k;
+            place[l as usize] = new as u32;
+            (self.points[new], self.flips[new], ends[new]) = (old.0[l as usize], old.1[l as usize], old.2[l as usize]);
+        }
+        for far in &mut self.neighbor {
+            *far = place[*far as usize];
+        }
+    }
+
+    /// Stores the lengths of the bonds.
+    fn store_lengths(&mut self) {
+        self.length = vec![0.0; self.neighbor.len()];
+        for i in 0..self.owned {
+            for s in self.start[i] as usize..self.start[i + 1] as usize {
+                self.length[s] = self.xi(i, s)[..D].iter().map(|x| x * x).sum::<f64>().sqrt();
+            }
+        }
+    }
+
+    /// Forgets the lattice, where the materials have no use for it.
+    pub(crate) fn leave_lattice(&mut self) {
+        if self.lattice.is_some() {
+            self.make_rows();
+            self.lattice = None;
+            self.make_rows();
+            self.store_lengths();
+        }
+    }
+
+    /// A bond slot of owned point `i` breaks.
+    pub(crate) fn break_bond(&mut self, i: usize, slot: usize) {
+        self.intact[slot / 8] &= !(1 << (slot % 8));
+        let far = self.neighbor[slot] as usize;
+        if let Some(lattice) = &mut self.lattice {
+            lattice.clear(i, far);
+        }
+    }
+
+    /// Other bonds are intact than before.
+    pub(crate) fn restore_bonds(&mut self, intact: &[u8]) {
+        if self.intact == intact {
+            return;
+        }
+        self.intact.copy_from_slice(intact);
+        if let Some(mut lattice) = self.lattice.take() {
+            lattice.remask(self);
+            self.lattice = Some(lattice);
+        }
     }
 
     /// The view that families borrow.
@@ -226,6 +303,7 @@ impl<const D: usize> Chunk<D> {
             memory: &self.memory,
             memory_words: self.memory_words,
             bond_memory: &self.bond_memory,
+            lattice: Lattice::NONE,
         }
     }
 
@@ -236,6 +314,25 @@ impl<const D: usize> Chunk<D> {
                 let x = value(p as usize * D + k);
                 rows[l * ROW + k] = if flip >> k & 1 == 1 { -x } else { x };
             }
+        }
+    }
+
+    /// Displacements (and velocities, where a material looks at them) of the body in the rows of the local points.
+    pub(crate) fn forward(&mut self, u: &[f64], v: Option<&[f64]>) {
+        self.make_rows();
+        Self::fill_rows(&self.points, &self.flips, &mut self.displacement, |q| u[q]);
+        if let (false, Some(v)) = (self.velocity.is_empty(), v) {
+            Self::fill_rows(&self.points, &self.flips, &mut self.velocity, |q| v[q]);
+        } else {
+            self.velocity.fill(0.0);
+        }
+    }
+
+    /// The same in the planes of the lattice, where families are taken from it.
+    pub(crate) fn hand_out(&mut self, on_lattice: bool, u: &[f64], v: Option<&[f64]>) {
+        match &mut self.lattice {
+            Some(lattice) if on_lattice => lattice.fill(&self.points, &self.flips, u),
+            _ => self.forward(u, v),
         }
     }
 
@@ -278,6 +375,7 @@ impl<const D: usize> Chunk<D> {
             + dual
             + self.points.len() * 5
             + self.start.len() * 8;
-        (bonds, points)
+        let lattice = self.lattice.as_ref().map_or((0, 0), LatticePoints::bytes);
+        (bonds + lattice.0, points + lattice.1)
     }
 }

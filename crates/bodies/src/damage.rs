@@ -1,6 +1,6 @@
 //! Bond breaking: criteria, the breaking itself with everything that follows from it, and going back.
 
-use crate::body::Body;
+use crate::body::{Body, on_lattice};
 use crate::chunk::Chunk;
 use physics::family::Family;
 use rayon::prelude::*;
@@ -43,15 +43,24 @@ impl<const D: usize> Body<D> {
     /// How far each bond is beyond its threshold: calls for the bonds with ratio > 1, as (bond, ratio), in the order of
     /// the chunks and slots.
     pub fn exceeding(&mut self, u: &[f64], v: Option<&[f64]>, criterion: &Criterion) -> Vec<(BondId, f64)> {
-        self.forward(u, v);
         match criterion {
-            Criterion::CriticalStretch(critical) => self.exceeding_by(critical, |_, c, found| {
-                let view = c.configuration();
-                for i in 0..c.owned {
-                    Family::<f64, D>::new(&view, i).each(|b| found(i, b.slot(), b.stretch().0));
-                }
-            }),
+            Criterion::CriticalStretch(critical) => {
+                let parts = &self.parts;
+                self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| c.hand_out(on_lattice(parts, k, c), u, v));
+                self.exceeding_by(critical, |k, c, found| {
+                    if let (true, Some(lattice)) = (on_lattice(parts, k, c), &c.lattice) {
+                        // no bond breaks below the least threshold of the chunk
+                        let least = c.points.iter().fold(f64::INFINITY, |m, &p| m.min(critical[p as usize]));
+                        return lattice.stretched_beyond(c, least, found);
+                    }
+                    let view = c.configuration();
+                    for i in 0..c.owned {
+                        Family::<f64, D>::new(&view, i).each(|b| found(i, b.slot(), b.stretch().0));
+                    }
+                })
+            }
             Criterion::CriticalBondEnergy(critical) => {
+                self.forward(u, v);
                 let half: Vec<Vec<f64>> = self
                     .chunks
                     .par_iter()
@@ -137,9 +146,10 @@ impl<const D: usize> Body<D> {
                 for b in [Some(bond), self.reverse(bond)].into_iter().flatten() {
                     let c = &mut self.chunks[b.chunk as usize];
                     if c.is_intact(b.slot as usize) {
-                        c.intact[b.slot as usize / 8] &= !(1 << (b.slot % 8));
+                        let i = c.point_of(b.slot as usize);
+                        c.break_bond(i, b.slot as usize);
                         broken.bonds += 1;
-                        touched.push((b.chunk as usize, c.point_of(b.slot as usize)));
+                        touched.push((b.chunk as usize, i));
                     }
                 }
             }
@@ -208,7 +218,7 @@ impl<const D: usize> Body<D> {
     /// Goes back to remembered damage and history.
     pub fn restore_damage(&mut self, state: &DamageState) {
         for (c, (intact, memory)) in self.chunks.iter_mut().zip(state.intact.iter().zip(&state.memory)) {
-            c.intact.clone_from(intact);
+            c.restore_bonds(intact);
             c.memory.clone_from(&memory.0);
             c.bond_memory.clone_from(&memory.1);
         }

@@ -1,9 +1,10 @@
 //! A part: a material and the points it is assigned to. The loops over families are here, written once for every model.
 
 use crate::chunk::Chunk;
+use crate::lattice::{Group, LatticePoints, NOBODY};
 use crate::shared::{Distinct, Shared};
-use physics::family::{Configuration, Family, Reference};
-use physics::lanes::{Kernel, widest};
+use physics::family::{Configuration, Family, Place, Reference};
+use physics::lanes::{Abreast, GroupKernel, Kernel, WIDTH, widest, widest_abreast};
 use physics::material::Material;
 use physics::scalar::{Dual, Jet, ROW, Record, Scalar, VOLUME_WORD, lift};
 use physics::tensor::{Linear, Matrix, Vector};
@@ -58,6 +59,10 @@ pub trait Part<const D: usize>: Send + Sync {
     fn restore_shapes(&mut self);
     /// Adds the force densities × volumes of the part's families to the rows of all local points \[N\].
     fn add_force(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]);
+    /// Whether the part takes the families of a chunk from its lattice.
+    fn takes_lattice(&self, chunk: usize) -> bool;
+    /// The same as [`add_force`](Self::add_force) in planes, where all parts take the lattice.
+    fn add_force_on_lattice(&self, chunk: usize, c: &Configuration<f64>, lattice: &LatticePoints<D>, planes: &mut [f64]);
     /// The same with a derivative along a direction.
     fn add_force_dual(&self, chunk: usize, c: &Configuration<Dual>, force: &mut [Dual]);
     /// Energy density of the part's families, into the entries of owned points.
@@ -105,6 +110,10 @@ pub struct Assigned<M: Material<D>, const D: usize> {
     saved: Vec<Shared<M::Shape>>,
     /// Pairwise, with a radial influence and one horizon for the whole body.
     gathers: bool,
+    /// On lattices: the groups of each chunk, and which of their points are the part's.
+    groups: Vec<Vec<(u32, u8)>>,
+    /// Chunks with a shape that is treated otherwise: see [`Material::is_regular`].
+    irregular: Vec<bool>,
 }
 
 impl<M: Material<D>, const D: usize> Assigned<M, D> {
@@ -121,6 +130,8 @@ impl<M: Material<D>, const D: usize> Assigned<M, D> {
             shapes: vec![],
             saved: vec![],
             gathers: false,
+            groups: vec![],
+            irregular: vec![],
         };
         for c in chunks {
             let a = sorted.partition_point(|&p| (p as usize) < c.first);
@@ -130,8 +141,14 @@ impl<M: Material<D>, const D: usize> Assigned<M, D> {
             for (q, &i) in own.iter().enumerate() {
                 place[i as usize] = q as u32;
             }
+            let groups = c.lattice.iter().flat_map(|l| l.groups.iter().enumerate()).map(|(g, group)| {
+                let mine = |l: usize| group.points[l] != NOBODY && place[group.points[l] as usize] != u32::MAX;
+                (g as u32, (0..WIDTH).fold(0, |lanes, l| lanes | u8::from(mine(l)) << l))
+            });
+            part.groups.push(groups.filter(|g| g.1 != 0).collect());
             part.points.push((c.first, own));
             part.place.push(place);
+            part.irregular.push(false);
         }
         let horizon = chunks.first().and_then(|c| c.horizon.first());
         part.gathers = M::PAIRWISE
@@ -139,6 +156,12 @@ impl<M: Material<D>, const D: usize> Assigned<M, D> {
             && sorted.len() == chunks.iter().map(|c| c.owned).sum::<usize>()
             && chunks.iter().all(|c| c.horizon.iter().all(|h| Some(h) == horizon));
         part
+    }
+
+    fn find_irregular(&mut self) {
+        for (irregular, shapes) in self.irregular.iter_mut().zip(&self.shapes) {
+            *irregular = shapes.iter().any(|s| !self.material.is_regular(s));
+        }
     }
 
     #[inline(always)]
@@ -207,6 +230,113 @@ impl<M: Material<D>, const D: usize> Assigned<M, D> {
                 }
             },
         );
+    }
+}
+
+/// The same loops with eight points abreast.
+struct OnLattice<'a, M: Material<D>, const D: usize> {
+    part: &'a Assigned<M, D>,
+    chunk: usize,
+    c: &'a Configuration<'a, f64>,
+    lattice: &'a LatticePoints<D>,
+    planes: &'a mut [f64],
+}
+
+impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
+    /// What families reduce to: shapes and laws are of one point at a time.
+    #[inline(always)]
+    fn states<S: Abreast>(&self, groups: [&Group; 2], lanes: u16, moments: &M::Moments<S>) -> M::State<S> {
+        let part = self.part;
+        let (first, place, shapes) = (part.points[self.chunk].0, &part.place[self.chunk], &part.shapes[self.chunk]);
+        let nothing = <M::State<f64> as Record<f64>>::read(
+            #[inline(always)]
+            |_| 0.0,
+            0,
+        );
+        let mut states = [nothing; 2 * WIDTH];
+        for l in 0..S::GROUPS * WIDTH {
+            if lanes >> l & 1 == 0 {
+                continue;
+            }
+            let i = groups[l / WIDTH].points[l % WIDTH] as usize;
+            let moments = <M::Moments<f64> as Record<f64>>::read(
+                #[inline(always)]
+                |k| moments.word(k).lane(l),
+                0,
+            );
+            let shape = &shapes[place[i] as usize];
+            states[l] = part.material.state_of(part.constants.at(first + i), shape, &moments, Place::new(self.c, i));
+        }
+        <M::State<S> as Record<S>>::read(
+            #[inline(always)]
+            |k| {
+                S::of_lanes(
+                    #[inline(always)]
+                    |l| states[l].word(k),
+                )
+            },
+            0,
+        )
+    }
+
+    #[inline(always)]
+    fn run<S: Abreast>(self) {
+        let (lattice, material) = (self.lattice, &self.part.material);
+        let n = lattice.cells();
+        let c = lattice.configuration::<S>();
+        for groups in self.part.groups[self.chunk].chunks(S::GROUPS) {
+            // a last group without another stands beside itself, asked for nothing there
+            let (a, b) = (groups[0], groups.get(1).copied().unwrap_or((groups[0].0, 0)));
+            let lanes = u16::from(a.1) | u16::from(b.1) << WIDTH;
+            let [first, second] = [&lattice.groups[a.0 as usize], &lattice.groups[b.0 as usize]];
+            let cells = [first.cell as usize, second.cell as usize];
+            let family = Family::<S, D>::abreast(&c, cells, [lattice.masks(a.0), lattice.masks(b.0)], lanes);
+            let near = S::load_cells(c.lattice.volume, cells);
+            if M::PAIRWISE && self.part.gathers {
+                let own = S::load_cells(c.lattice.word, cells);
+                let sum: Vector<S, D> = family.integrate(
+                    #[inline(always)]
+                    |b| {
+                        let both = own + b.far_word();
+                        let state = <M::State<S> as Record<S>>::read(
+                            #[inline(always)]
+                            |_| both,
+                            0,
+                        );
+                        material.force(&state, b)
+                    },
+                );
+                for k in 0..D {
+                    (sum.0[k] * near).add_to(&mut self.planes[k * n..][..n], cells);
+                }
+                continue;
+            }
+            let state = self.states([first, second], lanes, &material.moments(family));
+            let mut own = <Vector<S, D> as Linear<S>>::nothing();
+            family.each(
+                #[inline(always)]
+                |b| {
+                    let pair = material.force(&state, b) * (b.volume() * near);
+                    own = own + pair;
+                    for k in 0..D {
+                        pair.0[k].subtract_from(&mut self.planes[k * n..][..n], b.far_cells());
+                    }
+                },
+            );
+            for k in 0..D {
+                own.0[k].add_to(&mut self.planes[k * n..][..n], cells);
+            }
+        }
+    }
+}
+
+impl<M: Material<D>, const D: usize> GroupKernel for OnLattice<'_, M, D> {
+    type Output = ();
+    /// More words than this leave too few registers for two groups.
+    const PAIRED: bool = <M::State<f64> as Record<f64>>::WORDS <= 8;
+    #[inline(always)]
+    fn run<S: Abreast>(self) {
+        OnLattice::run::<S>(self);
     }
 }
 
@@ -328,6 +458,9 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
                 Err(points) => singular.extend(points.into_iter().map(|i| (k, i))),
             }
         }
+        if singular.is_empty() {
+            self.find_irregular();
+        }
         singular
     }
     fn reshape(&mut self, chunk: usize, point: usize, c: &Configuration<f64>) -> bool {
@@ -338,6 +471,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         let old = self.shapes[chunk][place as usize];
         match self.material.reshape(self.constants.at(self.points[chunk].0 + point), &old, Reference::new(c, point)) {
             Ok(shape) => {
+                self.irregular[chunk] |= !self.material.is_regular(&shape);
                 self.shapes[chunk].set(place as usize, shape);
                 true
             }
@@ -349,6 +483,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     }
     fn restore_shapes(&mut self) {
         self.shapes.clone_from(&self.saved);
+        self.find_irregular();
     }
     fn add_force(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]) {
         // the first test is known when the program is compiled
@@ -356,6 +491,15 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
             widest(Gather { part: self, chunk, c, force });
         } else {
             widest(Scatter { part: self, chunk, c, force });
+        }
+    }
+    fn takes_lattice(&self, chunk: usize) -> bool {
+        M::ABREAST && !M::RATE && M::BOND_MEMORY == 0 && !self.irregular[chunk]
+    }
+    fn add_force_on_lattice(&self, chunk: usize, c: &Configuration<f64>, lattice: &LatticePoints<D>, planes: &mut [f64]) {
+        // known when the program is compiled
+        if M::ABREAST && !M::RATE && M::BOND_MEMORY == 0 {
+            widest_abreast(OnLattice { part: self, chunk, c, lattice, planes });
         }
     }
     fn add_force_dual(&self, chunk: usize, c: &Configuration<Dual>, force: &mut [Dual]) {

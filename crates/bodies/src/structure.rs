@@ -3,6 +3,7 @@
 use crate::body::{Body, StiffnessScratch, ordered_sum};
 use crate::damage::{Broken, Criterion, DamageState};
 use crate::loads::{Condition, Field, Kind, add_external, add_walls, each_contact};
+use rayon::prelude::*;
 use solvers::problem::{Dynamics, Statics, Stop};
 use solvers::sparse::{BlockMatrix, BlockPattern, FamilyList};
 use std::sync::Arc;
@@ -88,7 +89,10 @@ pub struct Structure<const D: usize> {
     work: Work,
     work_open: bool,
     scratch: Vec<f64>,
-    /// External forces, while they are added up.
+    /// The dofs of the points of all conditions, in order; what acts on them from outside, walls excepted, at the last evaluation; and the
+    /// same with walls in an entry per dof.
+    driven: Vec<u32>,
+    driving: Vec<f64>,
     external: Vec<f64>,
     /// Damage counters of the whole run.
     pub broken: Broken,
@@ -163,6 +167,10 @@ impl<const D: usize> Structure<D> {
                 }
             }
         }
+        let mut driven: Vec<u32> =
+            conditions.iter().flat_map(|c| &c.points).flat_map(|&p| (0..D as u32).map(move |k| p * D as u32 + k)).collect();
+        driven.sort_unstable();
+        driven.dedup();
         Structure {
             id: parts.id,
             user: parts.user,
@@ -183,10 +191,12 @@ impl<const D: usize> Structure<D> {
             pattern: None,
             saved: DamageState::default(),
             saved_work: None,
-            work: Work { done: 0.0, begun: false, u: vec![0.0; n * D], force: vec![0.0; n * D] },
+            work: Work { done: 0.0, begun: false, u: vec![0.0; driven.len()], force: vec![0.0; driven.len()] },
             work_open: true,
             scratch: vec![0.0; n * D],
-            external: vec![],
+            driving: vec![0.0; driven.len()],
+            external: vec![0.0; n * D],
+            driven,
             broken: Broken::default(),
             evaluations: (0, 0),
             closest: Closest { ever: f64::INFINITY, now: 1.0, gap: 0.0 },
@@ -247,20 +257,13 @@ impl<const D: usize> Structure<D> {
         self.at_time(t);
         self.body.internal_force(u, v, f);
         self.evaluations.0 += 1;
-        if self.conditions.is_empty() {
-            return 0.0;
-        }
-        let mut external = std::mem::take(&mut self.external);
-        external.clear();
-        external.resize(f.len(), 0.0);
-        add_external::<D>(&self.conditions, self.body.position(), self.body.volume(), t, &mut external);
-        add_walls::<D>(&self.conditions, self.body.position(), u, t, &mut external);
-        let applied = ordered_sum(external.len(), |q| external[q] * external[q]).sqrt();
-        for (f, e) in f.iter_mut().zip(&external) {
-            *f += e;
-        }
-        self.external = external;
-        applied
+        let (driven, external) = (&self.driven, &mut self.external);
+        driven.iter().for_each(|&q| external[q as usize] = 0.0);
+        add_external::<D>(&self.conditions, self.body.position(), self.body.volume(), t, external);
+        self.driving.iter_mut().zip(driven).for_each(|(d, &q)| *d = external[q as usize]);
+        add_walls::<D>(&self.conditions, self.body.position(), u, t, external);
+        driven.iter().for_each(|&q| f[q as usize] += external[q as usize]);
+        ordered_sum(driven.len(), |k| external[driven[k] as usize].powi(2)).sqrt()
     }
 
     /// In statics, `K x` of the undeformed body by the faster of two ways, after comparing them once. `false` where there is one way only.
@@ -288,7 +291,15 @@ impl<const D: usize> Structure<D> {
     /// The first thing wrong with a state: not a number, or runaway.
     fn check(&mut self, t: f64, u: &[f64], f: &[f64]) -> Result<(), Stop> {
         let limit = RUNAWAY * self.size;
-        let wrong = |q: usize| u[q].is_nan() || u[q].abs() > limit || !f[q].is_finite();
+        // written so that what is not a number is wrong
+        let wrong = |q: usize| !(u[q].abs() <= limit && f[q].abs() < f64::INFINITY);
+        const BLOCK: usize = 16_384;
+        let any = (0..u.len().div_ceil(BLOCK))
+            .into_par_iter()
+            .any(|b| (b * BLOCK..u.len().min((b + 1) * BLOCK)).fold(false, |any, q| any | wrong(q)));
+        if !any {
+            return Ok(());
+        }
         let Some(dof) = (0..u.len()).find(|&q| wrong(q)) else { return Ok(()) };
         let p = dof / D;
         let x = self.body.position()[p];
@@ -363,28 +374,24 @@ impl<const D: usize> Structure<D> {
     }
 
     /// Adds the work of the motion since the last call: mean of the old and new forces times the increment. `force` is the
-    /// total force; where a dof is fixed the body is driven by its opposite, elsewhere by the external part only.
-    fn add_work(&mut self, t: f64, u: &[f64], force: &[f64]) {
-        if self.conditions.is_empty() {
-            return;
-        }
-        let mut driving = std::mem::take(&mut self.external);
-        driving.clear();
-        driving.resize(u.len(), 0.0);
-        add_external::<D>(&self.conditions, self.body.position(), self.body.volume(), t, &mut driving);
+    /// total force that was evaluated last, at `u`; where a dof is fixed the body is driven by its opposite, elsewhere by the external part
+    /// only.
+    fn add_work(&mut self, u: &[f64], force: &[f64]) {
+        let mut driving = std::mem::take(&mut self.driving);
         for &(dof, _) in &self.prescribed {
-            driving[dof as usize] -= force[dof as usize];
+            let place = self.driven.binary_search(&dof).expect("points of conditions are driven");
+            driving[place] -= force[dof as usize];
         }
-        let work = &mut self.work;
+        let (work, driven) = (&mut self.work, &self.driven);
         if !std::mem::replace(&mut work.begun, true) && !self.statics {
             // what is prescribed at the start of a motion is its initial state, not work
-            work.u.copy_from_slice(u);
-            work.force = driving;
+            work.u.iter_mut().zip(driven).for_each(|(w, &q)| *w = u[q as usize]);
+            self.driving = std::mem::replace(&mut work.force, driving);
             return;
         }
-        work.done += ordered_sum(u.len(), |q| 0.5 * (driving[q] + work.force[q]) * (u[q] - work.u[q]));
-        work.u.copy_from_slice(u);
-        self.external = std::mem::replace(&mut work.force, driving);
+        work.done += ordered_sum(driven.len(), |k| 0.5 * (driving[k] + work.force[k]) * (u[driven[k] as usize] - work.u[k]));
+        work.u.iter_mut().zip(driven).for_each(|(w, &q)| *w = u[q as usize]);
+        self.driving = std::mem::replace(&mut work.force, driving);
     }
 
     /// Breaks what exceeds its threshold: everything, or what comes close to the worst (see [`Failure::batch`]).
@@ -534,7 +541,7 @@ impl<const D: usize> Dynamics for Structure<D> {
     fn force(&mut self, t: f64, u: &[f64], v: &[f64], f: &mut [f64]) -> Result<(), Stop> {
         self.total_force(t, u, Some(v), f);
         self.check(t, u, f)?;
-        self.add_work(t, u, f);
+        self.add_work(u, f);
         Ok(())
     }
     fn prescribe_displacement(&mut self, t: f64, u: &mut [f64]) {
@@ -544,6 +551,9 @@ impl<const D: usize> Dynamics for Structure<D> {
         self.fill_prescribed(t, v, true);
     }
     fn step_limit(&mut self, _: f64, u: &[f64], v: &[f64], step: f64) -> Result<f64, Stop> {
+        if self.closest.gap == f64::INFINITY {
+            return Ok(step);
+        }
         // a pair of points comes closer by twice the largest speed at most: until that has used up the gap nothing can happen
         let fastest = v.chunks(D).map(|v| v.iter().map(|v| v * v).sum::<f64>()).fold(0.0, f64::max).sqrt();
         let reach = 2.0 * fastest * step;
@@ -684,7 +694,7 @@ impl<const D: usize> Statics for Structure<D> {
             // work of the increment at the forces before anything breaks: what breaks at this load dissipates, it does no work
             let mut f = std::mem::take(&mut self.scratch);
             self.total_force(t, u, None, &mut f);
-            self.add_work(t, u, &f);
+            self.add_work(u, &f);
             self.scratch = f;
             self.work_open = false;
         }
@@ -700,7 +710,7 @@ impl<const D: usize> Statics for Structure<D> {
     fn accept(&mut self, t: f64, u: &[f64]) -> Result<(), Stop> {
         let mut f = std::mem::take(&mut self.scratch);
         self.total_force(t, u, None, &mut f);
-        self.add_work(t, u, &f);
+        self.add_work(u, &f);
         self.scratch = f;
         self.work_open = true;
         self.force_scale.1 = self.force_scale.1.max(self.force_scale.0);

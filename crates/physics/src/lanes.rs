@@ -1,23 +1,24 @@
-//! Eight bonds at a time: the vector form of a [`Scalar`].
+//! Eight at a time: the vector forms of a [`Scalar`]. A number holds eight bonds of one point, or, on lattices, the same bond of eight
+//! points ([`Abreast`]): then sums over bonds stay in the lanes, and what is the same for all points is read once.
 //!
-//! [`widest`] runs a [`Kernel`] with the widest lanes the machine has. The types themselves stay private, so that code
+//! [`widest`] and [`widest_abreast`] run a kernel with the widest lanes the machine has. The types themselves stay private, so that code
 //! with vector instructions cannot run on a machine without them; all unsafe code of the program is in
 //! `lanes/avx512.rs`. The portable lanes are the fallback and, in tests, the oracle.
 
-use crate::scalar::{ROW, Scalar, array};
+use crate::scalar::{Cells, ROW, Scalar, array};
 use std::marker::PhantomData;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 
-/// Bonds in one number.
+/// Lanes of a number.
 pub const WIDTH: usize = 8;
 
 /// Eight numbers of one instruction set.
 type Eight = [f64; WIDTH];
 /// Eight far points.
-type Points = [u32; WIDTH];
+type Indices = [u32; WIDTH];
 
 /// The operations on eight numbers; the default bodies are the portable ones.
 pub(crate) trait InstructionSet: Copy + Send + Sync + 'static {
@@ -67,6 +68,21 @@ pub(crate) trait InstructionSet: Copy + Send + Sync + 'static {
     fn sum(a: Eight) -> f64 {
         ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]))
     }
+    /// eight numbers from memory
+    #[inline(always)]
+    fn load(a: &Eight) -> Eight {
+        *a
+    }
+    /// eight numbers to memory
+    #[inline(always)]
+    fn store(to: &mut Eight, a: Eight) {
+        *to = a;
+    }
+    /// a bit for each lane that is above zero
+    #[inline(always)]
+    fn positive(a: Eight) -> u8 {
+        (0..WIDTH).fold(0, |bits, l| bits | u8::from(a[l] > 0.0) << l)
+    }
     /// zero in the lanes whose bit is not set
     #[inline(always)]
     fn mask(a: Eight, bits: u8) -> Eight {
@@ -97,7 +113,7 @@ pub(crate) trait InstructionSet: Copy + Send + Sync + 'static {
     }
     /// eight rows of four words, transposed
     #[inline(always)]
-    fn rows(data: &[f64], j: Points) -> [Eight; ROW] {
+    fn rows(data: &[f64], j: Indices) -> [Eight; ROW] {
         let mut r = [[0.0; WIDTH]; ROW];
         for l in 0..WIDTH {
             let row = &data[j[l] as usize * ROW..][..ROW];
@@ -109,7 +125,7 @@ pub(crate) trait InstructionSet: Copy + Send + Sync + 'static {
     }
     /// subtracts `v`, transposed, from eight rows, one after the other
     #[inline(always)]
-    fn subtract_rows(data: &mut [f64], j: Points, v: [Eight; 3]) {
+    fn subtract_rows(data: &mut [f64], j: Indices, v: [Eight; 3]) {
         for l in 0..WIDTH {
             let row = &mut data[j[l] as usize * ROW..][..ROW];
             for k in 0..3 {
@@ -145,12 +161,24 @@ fn power_of_two(n: i64) -> f64 {
 pub(crate) struct Portable;
 impl InstructionSet for Portable {}
 
-/// Eight bonds at a time.
+/// Lanes are bonds of one point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bonds;
+/// Lanes are points of a lattice.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Points;
+
+/// What the lanes of a number are.
+pub(crate) trait Kind: Copy + Send + Sync + 'static {}
+impl Kind for Bonds {}
+impl Kind for Points {}
+
+/// Eight numbers of an instruction set, of what `K` says.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-pub(crate) struct Lanes<I>(Eight, PhantomData<I>);
+pub(crate) struct Lanes<I, K>(Eight, PhantomData<(I, K)>);
 
-impl<I> Lanes<I> {
+impl<I, K> Lanes<I, K> {
     #[inline(always)]
     fn new(x: Eight) -> Self {
         Lanes(x, PhantomData)
@@ -159,7 +187,7 @@ impl<I> Lanes<I> {
 
 macro_rules! operator {
     ($trait:ident, $f:ident) => {
-        impl<I: InstructionSet> $trait for Lanes<I> {
+        impl<I: InstructionSet, K: Kind> $trait for Lanes<I, K> {
             type Output = Self;
             #[inline(always)]
             fn $f(self, o: Self) -> Self {
@@ -172,27 +200,27 @@ operator!(Add, add);
 operator!(Sub, sub);
 operator!(Mul, mul);
 operator!(Div, div);
-impl<I: InstructionSet> Mul<f64> for Lanes<I> {
+impl<I: InstructionSet, K: Kind> Mul<f64> for Lanes<I, K> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, o: f64) -> Self {
         Self::new(I::mul(self.0, I::splat(o)))
     }
 }
-impl<I: InstructionSet> Neg for Lanes<I> {
+impl<I: InstructionSet, K: Kind> Neg for Lanes<I, K> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
         Self::new(I::sub(I::splat(-0.0), self.0))
     }
 }
-impl<I: InstructionSet> AddAssign for Lanes<I> {
+impl<I: InstructionSet, K: Kind> AddAssign for Lanes<I, K> {
     #[inline(always)]
     fn add_assign(&mut self, o: Self) {
         *self = *self + o;
     }
 }
-impl<I: InstructionSet> SubAssign for Lanes<I> {
+impl<I: InstructionSet, K: Kind> SubAssign for Lanes<I, K> {
     #[inline(always)]
     fn sub_assign(&mut self, o: Self) {
         *self = *self - o;
@@ -225,7 +253,10 @@ const EXP: [f64; 10] = [
     0.166_666_666_666_666_67,
 ];
 
-impl<I: InstructionSet> Lanes<I> {
+impl<I: InstructionSet, K: Kind> Lanes<I, K>
+where
+    Self: Scalar,
+{
     /// A polynomial, highest power first.
     #[inline(always)]
     fn polynomial<const N: usize>(self, c: [f64; N]) -> Self {
@@ -280,14 +311,105 @@ impl<I: InstructionSet> Lanes<I> {
     }
 }
 
-impl<I: InstructionSet> Scalar for Lanes<I> {
+/// The parts of `Scalar` that lanes of all kinds share.
+macro_rules! eight_lanes {
+    () => {
+        #[inline(always)]
+        fn of(x: f64) -> Self {
+            Self::new(I::splat(x))
+        }
+        #[inline(always)]
+        fn value(self) -> f64 {
+            self.0[0]
+        }
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            Self::new(I::sqrt(self.0))
+        }
+        #[inline(always)]
+        fn rsqrt(self) -> Self {
+            Self::new(I::rsqrt(self.0))
+        }
+        #[inline(always)]
+        fn recip(self) -> Self {
+            Self::new(I::recip(self.0))
+        }
+        #[inline(always)]
+        fn fma(self, a: Self, b: Self) -> Self {
+            Self::new(I::fma(self.0, a.0, b.0))
+        }
+        #[inline(always)]
+        fn select(self, a: Self, b: Self) -> Self {
+            Self::new(I::select(self.0, a.0, b.0))
+        }
+        #[inline(always)]
+        fn map(self, f: impl Fn(f64) -> (f64, f64)) -> Self {
+            Self::new(array(
+                #[inline(always)]
+                |l| f(self.0[l]).0,
+            ))
+        }
+        #[inline(always)]
+        fn ln(self) -> Self {
+            Self::new(I::long(
+                #[inline(always)]
+                || self.log(Self::of(0.0)).0,
+            ))
+        }
+        #[inline(always)]
+        fn ln_1p(self) -> Self {
+            Self::new(I::long(
+                #[inline(always)]
+                || self.log_1p().0,
+            ))
+        }
+        #[inline(always)]
+        fn exp(self) -> Self {
+            Self::new(I::long(
+                #[inline(always)]
+                || {
+                    let (q, n) = self.reduced_exponential();
+                    I::scale((q + Self::of(1.0)).0, n.0)
+                },
+            ))
+        }
+        #[inline(always)]
+        fn exp_m1(self) -> Self {
+            Self::new(I::long(
+                #[inline(always)]
+                || {
+                    let (q, n) = self.reduced_exponential();
+                    // 2ⁿ q + (2ⁿ − 1), by halves: 2¹⁰²⁴ is no number
+                    let n = n - Self::of(1.0);
+                    ((Self::new(I::scale(q.0, n.0)) + (Self::new(I::scale(I::splat(1.0), n.0)) - Self::of(0.5))) * 2.0).0
+                },
+            ))
+        }
+        #[inline(always)]
+        fn powf(self, p: f64) -> Self {
+            (self.ln() * p).exp()
+        }
+        #[inline(always)]
+        fn load(data: &[f64], at: usize) -> Self {
+            let block: &Eight = data[at..at + WIDTH].try_into().expect("as many as lanes");
+            Self::new(I::load(block))
+        }
+        #[inline(always)]
+        fn keep(self, lanes: u16) -> Self {
+            Self::new(I::mask(self.0, lanes as u8))
+        }
+        #[inline(always)]
+        fn load_cells(plane: &[f64], cells: Cells) -> Self {
+            Self::load(plane, cells[0])
+        }
+    };
+}
+
+impl<I: InstructionSet> Scalar for Lanes<I, Bonds> {
     type Sum = f64;
-    type Index = Points;
+    type Index = Indices;
     const WIDTH: usize = WIDTH;
-    #[inline(always)]
-    fn of(x: f64) -> Self {
-        Self::new(I::splat(x))
-    }
+    eight_lanes!();
     #[inline(always)]
     fn lift(x: f64) -> Self {
         Self::of(x)
@@ -297,104 +419,28 @@ impl<I: InstructionSet> Scalar for Lanes<I> {
         I::sum(self.0)
     }
     #[inline(always)]
-    fn value(self) -> f64 {
-        self.0[0]
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self::new(I::sqrt(self.0))
-    }
-    #[inline(always)]
-    fn rsqrt(self) -> Self {
-        Self::new(I::rsqrt(self.0))
-    }
-    #[inline(always)]
-    fn recip(self) -> Self {
-        Self::new(I::recip(self.0))
-    }
-    #[inline(always)]
-    fn fma(self, a: Self, b: Self) -> Self {
-        Self::new(I::fma(self.0, a.0, b.0))
-    }
-    #[inline(always)]
-    fn select(self, a: Self, b: Self) -> Self {
-        Self::new(I::select(self.0, a.0, b.0))
-    }
-    #[inline(always)]
-    fn map(self, f: impl Fn(f64) -> (f64, f64)) -> Self {
-        Self::new(array(
-            #[inline(always)]
-            |l| f(self.0[l]).0,
-        ))
-    }
-    #[inline(always)]
-    fn ln(self) -> Self {
-        Self::new(I::long(
-            #[inline(always)]
-            || self.log(Self::of(0.0)).0,
-        ))
-    }
-    #[inline(always)]
-    fn ln_1p(self) -> Self {
-        Self::new(I::long(
-            #[inline(always)]
-            || self.log_1p().0,
-        ))
-    }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        Self::new(I::long(
-            #[inline(always)]
-            || {
-                let (q, n) = self.reduced_exponential();
-                I::scale((q + Self::of(1.0)).0, n.0)
-            },
-        ))
-    }
-    #[inline(always)]
-    fn exp_m1(self) -> Self {
-        Self::new(I::long(
-            #[inline(always)]
-            || {
-                let (q, n) = self.reduced_exponential();
-                // 2ⁿ q + (2ⁿ − 1), by halves: 2¹⁰²⁴ is no number
-                let n = n - Self::of(1.0);
-                ((Self::new(I::scale(q.0, n.0)) + (Self::new(I::scale(I::splat(1.0), n.0)) - Self::of(0.5))) * 2.0).0
-            },
-        ))
-    }
-    #[inline(always)]
-    fn powf(self, p: f64) -> Self {
-        (self.ln() * p).exp()
-    }
-    #[inline(always)]
-    fn index(list: &[u32], at: usize) -> Points {
+    fn index(list: &[u32], at: usize) -> Indices {
         let block = &list[at..at + WIDTH];
         [block[0], block[1], block[2], block[3], block[4], block[5], block[6], block[7]]
     }
     #[inline(always)]
-    fn splat_index(i: usize) -> Points {
+    fn splat_index(i: usize) -> Indices {
         [i as u32; WIDTH]
     }
     #[inline(always)]
-    fn load(data: &[f64], at: usize) -> Self {
-        let b = &data[at..at + WIDTH];
-        Self::new([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]])
-    }
-    #[inline(always)]
-    fn load_point(data: &[f64], j: Points) -> Self {
+    fn load_point(data: &[f64], j: Indices) -> Self {
         Self::new(array(
             #[inline(always)]
             |l| data[j[l] as usize],
         ))
     }
     #[inline(always)]
-    fn row_f64(data: &[f64], j: Points) -> [Self; ROW] {
+    fn row_f64(data: &[f64], j: Indices) -> [Self; ROW] {
         let r = I::rows(data, j);
         [Self::new(r[0]), Self::new(r[1]), Self::new(r[2]), Self::new(r[3])]
     }
     #[inline(always)]
-    fn row(data: &[f64], j: Points) -> [Self; ROW] {
+    fn row(data: &[f64], j: Indices) -> [Self; ROW] {
         Self::row_f64(data, j)
     }
     #[inline(always)]
@@ -402,12 +448,254 @@ impl<I: InstructionSet> Scalar for Lanes<I> {
         Self::new(I::mask(self.0, intact[at / WIDTH]))
     }
     #[inline(always)]
-    fn subtract_rows<const D: usize>(rows: &mut [f64], j: Points, v: [Self; D]) {
+    fn subtract_rows<const D: usize>(rows: &mut [f64], j: Indices, v: [Self; D]) {
         let mut w = [I::splat(0.0); 3];
         for k in 0..D {
             w[k] = v[k].0;
         }
         I::subtract_rows(rows, j, w);
+    }
+}
+
+impl<I: InstructionSet> Scalar for Lanes<I, Points> {
+    type Sum = Self;
+    type Index = u32;
+    const WIDTH: usize = 1;
+    const ABREAST: bool = true;
+    eight_lanes!();
+    #[inline(always)]
+    fn lift(x: Self) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn sum(self) -> Self {
+        self
+    }
+    #[inline(always)]
+    fn index(list: &[u32], at: usize) -> u32 {
+        list[at]
+    }
+    #[inline(always)]
+    fn splat_index(i: usize) -> u32 {
+        i as u32
+    }
+    #[inline(always)]
+    fn load_point(data: &[f64], first: u32) -> Self {
+        Self::load(data, first as usize)
+    }
+    fn row_f64(_: &[f64], _: u32) -> [Self; ROW] {
+        unreachable!("{PLANES}")
+    }
+    fn row(_: &[Self], _: u32) -> [Self; ROW] {
+        unreachable!("{PLANES}")
+    }
+    #[inline(always)]
+    fn masked(self, intact: &[u8], at: usize) -> Self {
+        self.keep(intact[at].into())
+    }
+    fn subtract_rows<const D: usize>(_: &mut [Self], _: u32, _: [Self; D]) {
+        unreachable!("{PLANES}")
+    }
+}
+
+const PLANES: &str = "points of a lattice are stored in planes, not in rows";
+
+/// A number for each of several points of a lattice: groups of eight that lie side by side.
+pub trait Abreast: Scalar<Sum = Self, Index = u32> {
+    /// The number of lane `l`.
+    fn lane(&self, l: usize) -> f64;
+    /// A number of each lane.
+    fn of_lanes(lane: impl Fn(usize) -> f64 + Copy) -> Self;
+    /// Adds to the numbers of the points.
+    fn add_to(self, plane: &mut [f64], cells: Cells);
+    /// Subtracts from the numbers of the points.
+    fn subtract_from(self, plane: &mut [f64], cells: Cells);
+    /// A bit for each lane that is above zero.
+    fn positive(self) -> u16;
+}
+
+impl<I: InstructionSet> Abreast for Lanes<I, Points> {
+    #[inline(always)]
+    fn lane(&self, l: usize) -> f64 {
+        self.0[l]
+    }
+    #[inline(always)]
+    fn of_lanes(lane: impl Fn(usize) -> f64 + Copy) -> Self {
+        Self::new(I::load(&array(lane)))
+    }
+    #[inline(always)]
+    fn add_to(self, plane: &mut [f64], cells: Cells) {
+        let block: &mut Eight = (&mut plane[cells[0]..cells[0] + WIDTH]).try_into().expect("as many as lanes");
+        let sum = I::add(I::load(block), self.0);
+        I::store(block, sum);
+    }
+    #[inline(always)]
+    fn subtract_from(self, plane: &mut [f64], cells: Cells) {
+        let block: &mut Eight = (&mut plane[cells[0]..cells[0] + WIDTH]).try_into().expect("as many as lanes");
+        let difference = I::sub(I::load(block), self.0);
+        I::store(block, difference);
+    }
+    #[inline(always)]
+    fn positive(self) -> u16 {
+        I::positive(self.0).into()
+    }
+}
+
+/// Two groups of points. What one waits for (the equations of a bond are long chains of operations) the other fills.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pair<A>(A, A);
+
+macro_rules! of_halves {
+    ($($trait:ident $f:ident),*) => {$(
+        impl<A: Abreast> $trait for Pair<A> {
+            type Output = Self;
+            #[inline(always)]
+            fn $f(self, o: Self) -> Self {
+                Pair(self.0.$f(o.0), self.1.$f(o.1))
+            }
+        }
+    )*};
+}
+of_halves!(Add add, Sub sub, Mul mul, Div div);
+impl<A: Abreast> Mul<f64> for Pair<A> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, o: f64) -> Self {
+        Pair(self.0 * o, self.1 * o)
+    }
+}
+impl<A: Abreast> Neg for Pair<A> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Pair(-self.0, -self.1)
+    }
+}
+impl<A: Abreast> AddAssign for Pair<A> {
+    #[inline(always)]
+    fn add_assign(&mut self, o: Self) {
+        *self = *self + o;
+    }
+}
+impl<A: Abreast> SubAssign for Pair<A> {
+    #[inline(always)]
+    fn sub_assign(&mut self, o: Self) {
+        *self = *self - o;
+    }
+}
+
+macro_rules! functions_of_halves {
+    ($($f:ident)*) => {$(
+        #[inline(always)]
+        fn $f(self) -> Self {
+            Pair(self.0.$f(), self.1.$f())
+        }
+    )*};
+}
+
+impl<A: Abreast> Scalar for Pair<A> {
+    type Sum = Self;
+    type Index = u32;
+    const WIDTH: usize = 1;
+    const ABREAST: bool = true;
+    const GROUPS: usize = 2;
+    functions_of_halves!(sqrt rsqrt recip ln ln_1p exp exp_m1);
+    #[inline(always)]
+    fn of(x: f64) -> Self {
+        let x = A::of(x);
+        Pair(x, x)
+    }
+    #[inline(always)]
+    fn lift(x: Self) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn sum(self) -> Self {
+        self
+    }
+    #[inline(always)]
+    fn value(self) -> f64 {
+        self.0.value()
+    }
+    #[inline(always)]
+    fn fma(self, a: Self, b: Self) -> Self {
+        Pair(self.0.fma(a.0, b.0), self.1.fma(a.1, b.1))
+    }
+    #[inline(always)]
+    fn select(self, a: Self, b: Self) -> Self {
+        Pair(self.0.select(a.0, b.0), self.1.select(a.1, b.1))
+    }
+    #[inline(always)]
+    fn map(self, f: impl Fn(f64) -> (f64, f64)) -> Self {
+        Pair(self.0.map(&f), self.1.map(&f))
+    }
+    #[inline(always)]
+    fn powf(self, p: f64) -> Self {
+        Pair(self.0.powf(p), self.1.powf(p))
+    }
+    #[inline(always)]
+    fn keep(self, lanes: u16) -> Self {
+        Pair(self.0.keep(lanes & 0xff), self.1.keep(lanes >> WIDTH))
+    }
+    #[inline(always)]
+    fn load_cells(plane: &[f64], cells: Cells) -> Self {
+        Pair(A::load(plane, cells[0]), A::load(plane, cells[1]))
+    }
+    fn index(_: &[u32], _: usize) -> u32 {
+        unreachable!("{PLANES}")
+    }
+    #[inline(always)]
+    fn splat_index(i: usize) -> u32 {
+        i as u32
+    }
+    fn load(_: &[f64], _: usize) -> Self {
+        unreachable!("{PLANES}")
+    }
+    fn load_point(_: &[f64], _: u32) -> Self {
+        unreachable!("{PLANES}")
+    }
+    fn row_f64(_: &[f64], _: u32) -> [Self; ROW] {
+        unreachable!("{PLANES}")
+    }
+    fn row(_: &[Self], _: u32) -> [Self; ROW] {
+        unreachable!("{PLANES}")
+    }
+    fn masked(self, _: &[u8], _: usize) -> Self {
+        unreachable!("{PLANES}")
+    }
+    fn subtract_rows<const D: usize>(_: &mut [Self], _: u32, _: [Self; D]) {
+        unreachable!("{PLANES}")
+    }
+}
+
+impl<A: Abreast> Abreast for Pair<A> {
+    #[inline(always)]
+    fn lane(&self, l: usize) -> f64 {
+        if l < WIDTH { self.0.lane(l) } else { self.1.lane(l - WIDTH) }
+    }
+    #[inline(always)]
+    fn of_lanes(lane: impl Fn(usize) -> f64 + Copy) -> Self {
+        Pair(
+            A::of_lanes(lane),
+            A::of_lanes(
+                #[inline(always)]
+                |l| lane(l + WIDTH),
+            ),
+        )
+    }
+    #[inline(always)]
+    fn add_to(self, plane: &mut [f64], cells: Cells) {
+        self.0.add_to(plane, cells);
+        self.1.add_to(plane, [cells[1]; 2]);
+    }
+    #[inline(always)]
+    fn subtract_from(self, plane: &mut [f64], cells: Cells) {
+        self.0.subtract_from(plane, cells);
+        self.1.subtract_from(plane, [cells[1]; 2]);
+    }
+    #[inline(always)]
+    fn positive(self) -> u16 {
+        self.0.positive() | self.1.positive() << WIDTH
     }
 }
 
@@ -419,6 +707,31 @@ pub trait Kernel {
     fn run<S: Scalar<Sum = f64>>(self) -> Self::Output;
 }
 
+/// A computation over groups of eight points of a lattice.
+pub trait GroupKernel {
+    /// What it gives.
+    type Output;
+    /// Whether two groups at a time are better than one: long chains of operations on few numbers.
+    const PAIRED: bool;
+    /// The computation; must be `#[inline(always)]`, with everything it calls.
+    fn run<S: Abreast>(self) -> Self::Output;
+}
+
+/// Runs a kernel over groups of points with the widest lanes of this machine.
+#[inline]
+pub fn widest_abreast<K: GroupKernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(run) = avx512::available_abreast::<K>() {
+        return run(kernel);
+    }
+    portable_abreast(kernel)
+}
+
+/// Runs a kernel over groups of points with the portable lanes (for comparison).
+pub fn portable_abreast<K: GroupKernel>(kernel: K) -> K::Output {
+    if K::PAIRED { kernel.run::<Pair<Lanes<Portable, Points>>>() } else { kernel.run::<Lanes<Portable, Points>>() }
+}
+
 /// Runs a kernel with the widest lanes of this machine.
 #[inline]
 pub fn widest<K: Kernel>(kernel: K) -> K::Output {
@@ -426,21 +739,21 @@ pub fn widest<K: Kernel>(kernel: K) -> K::Output {
     if let Some(run) = avx512::available::<K>() {
         return run(kernel);
     }
-    kernel.run::<Lanes<Portable>>()
+    kernel.run::<Lanes<Portable, Bonds>>()
 }
 
 /// Runs a kernel with the portable lanes (for comparison).
 pub fn portable<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<Lanes<Portable>>()
+    kernel.run::<Lanes<Portable, Bonds>>()
 }
 
 /// The name of the lanes that [`widest`] chooses on this machine.
 pub fn name() -> &'static str {
     #[cfg(target_arch = "x86_64")]
     if avx512::detected() {
-        return "AVX-512, 8 bonds at a time";
+        return "AVX-512, 8 lanes";
     }
-    "portable, 8 bonds at a time"
+    "portable, 8 lanes"
 }
 
 #[cfg(test)]

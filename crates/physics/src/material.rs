@@ -1,6 +1,6 @@
 //! The core trait: a peridynamic material is an energy density of the deformed family and its Fréchet derivative.
 
-use crate::family::{Bond, Family, Reference, Undeformed};
+use crate::family::{Bond, Family, Place, Reference, Undeformed};
 use crate::models::FLAT_FAMILY;
 use crate::scalar::{Record, Scalar};
 use crate::tensor::{Matrix, Vector};
@@ -13,7 +13,9 @@ pub struct SingularFamily;
 /// `dW = ∫_H T⟨ξ⟩·dη⟨ξ⟩ dV′`.
 ///
 /// The force density of a body follows as `f(x) = ∫_H (T[x]⟨ξ⟩ − T[x′]⟨−ξ⟩) dV′`. A model writes what the deformed
-/// family reduces to ([`State`](Self::State)) and the force state of a bond given that; it has no loop over points.
+/// family reduces to ([`State`](Self::State)) and the force state of a bond given that; it has no loop over points. The first is of two
+/// steps: integrals that ask the reference family nothing ([`moments`](Self::moments)), and what shape, constants and law make of them
+/// ([`state_of`](Self::state_of)). So the integrals of several points of a lattice can be taken side by side, and the law sees one at a time.
 /// `state`, `force` and `energy_density` neither allocate nor fail.
 pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     /// Words of history a point keeps.
@@ -30,6 +32,8 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     const PAIRWISE: bool = false;
     /// Sub-horizons whose membership is stored with the bonds.
     const SUB_HORIZONS: usize = 0;
+    /// Whether `state` is `state_of` the `moments`. A model whose integrals need the shape says no, and writes `state`.
+    const ABREAST: bool = true;
     /// Whether the influence is stored with the bonds.
     const STORED_INFLUENCE: bool;
 
@@ -37,6 +41,8 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     type Constants: Copy + Send + Sync + 'static;
     /// What the reference family alone decides.
     type Shape: Copy + Send + Sync + 'static;
+    /// Integrals over the deformed family that the shape has no part in.
+    type Moments<R: Scalar>: Record<R>;
     /// All that a force needs to know of the deformed family.
     type State<R: Scalar>: Record<R>;
 
@@ -50,8 +56,25 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     fn rebuilds(&self, _: &Self::Constants) -> bool {
         false
     }
+    /// Integrals over the deformed family. Nothing of the family may be asked but its bonds.
+    fn moments<S: Scalar>(&self, h: Family<S, D>) -> Self::Moments<S::Sum>;
+    /// Whether `state` is `state_of` the `moments` for this shape too: a family that the model treats otherwise is none of several abreast.
+    fn is_regular(&self, _: &Self::Shape) -> bool {
+        true
+    }
+    /// What a family of these integrals reduces to.
+    fn state_of<R: Scalar>(
+        &self,
+        constants: &Self::Constants,
+        shape: &Self::Shape,
+        moments: &Self::Moments<R>,
+        place: Place,
+    ) -> Self::State<R>;
     /// What the deformed family reduces to.
-    fn state<S: Scalar>(&self, constants: &Self::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum>;
+    #[inline(always)]
+    fn state<S: Scalar>(&self, constants: &Self::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
+        self.state_of(constants, shape, &self.moments(h), h.place())
+    }
     /// The force state `T⟨ξ⟩` \[N/m⁶ in 3D\].
     fn force<S: Scalar>(&self, state: &Self::State<S>, b: Bond<S, D>) -> Vector<S, D>;
     /// The energy density `W` \[J/m³\].

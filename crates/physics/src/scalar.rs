@@ -1,5 +1,5 @@
 //! Number types a model is evaluated over: `f64`, [`Jet`] (value and derivatives) and
-//! lanes ([`crate::lanes`], eight bonds at a time).
+//! lanes ([`crate::lanes`], eight bonds of a point or one bond of eight points at a time).
 //!
 //! A model is written once, over any [`Scalar`]. Evaluated with `f64` it gives forces, with jets exact tangents and the
 //! oracle of its own force state, with lanes the vector kernel of the hot loop.
@@ -15,6 +15,9 @@ pub const VOLUME_WORD: usize = 3;
 
 /// The word of a displacement row that holds no displacement.
 pub const SPARE_WORD: usize = 3;
+
+/// The first cells of the groups of eight points that a number of points abreast holds: two, or one and nothing.
+pub type Cells = [usize; 2];
 
 /// Builds an array from a function of the index; unlike `std::array::from_fn` certain to be inlined.
 #[inline(always)]
@@ -43,12 +46,17 @@ pub trait Scalar:
     + AddAssign
     + SubAssign
 {
-    /// What a sum over bonds gives: `f64` for lanes, the type itself for a single number.
+    /// What a sum over bonds gives: `f64` for lanes of bonds, the type itself for a single number and for lanes of points.
     type Sum: Scalar<Sum = Self::Sum, Index = u32>;
     /// The far point of a bond, or of [`WIDTH`](Self::WIDTH) bonds.
     type Index: Copy;
-    /// Bonds per number.
+    /// Bonds of one point per number.
     const WIDTH: usize;
+    /// Whether the number holds the same bond of several points of a lattice, one beside the other. Families of such numbers are backed by
+    /// a [`Lattice`](crate::family::Lattice) instead of lists.
+    const ABREAST: bool = false;
+    /// Groups of eight points that a number of points abreast holds: one or two.
+    const GROUPS: usize = 1;
     /// Whether the number carries derivatives.
     const DIFFERENTIATES: bool = false;
 
@@ -134,6 +142,10 @@ pub trait Scalar:
     fn row(data: &[Self::Sum], idx: Self::Index) -> [Self; ROW];
     /// Zero where the bond of the slot is broken or padding.
     fn masked(self, intact: &[u8], at: usize) -> Self;
+    /// Zero in the lanes whose bit is not set; a single number has one lane.
+    fn keep(self, lanes: u16) -> Self;
+    /// A number per point, for points abreast: `cells` begin its groups of eight.
+    fn load_cells(plane: &[f64], cells: Cells) -> Self;
     /// Subtracts `v` from the rows of the far points, one bond after the other.
     fn subtract_rows<const D: usize>(rows: &mut [Self::Sum], idx: Self::Index, v: [Self; D]);
 }
@@ -191,6 +203,14 @@ macro_rules! one_bond {
         #[inline(always)]
         fn masked(self, intact: &[u8], at: usize) -> $t {
             if is_intact(intact, at) { self } else { <$t>::of(0.0) }
+        }
+        #[inline(always)]
+        fn keep(self, lanes: u16) -> $t {
+            if lanes & 1 == 1 { self } else { <$t>::of(0.0) }
+        }
+        #[inline(always)]
+        fn load_cells(plane: &[f64], cells: Cells) -> $t {
+            <$t>::of(plane[cells[0]])
         }
         #[inline(always)]
         fn subtract_rows<const D: usize>(rows: &mut [$t], idx: u32, v: [$t; D]) {

@@ -179,7 +179,8 @@ impl VelocityVerlet {
             }
         }
         let mut force = vec![0.0; n];
-        let mut before = vec![0.0; n];
+        let mut free = Free::of(problem.mass(), problem.fixed());
+        let mut before = vec![];
         problem.prescribe_displacement(start, &mut motion.u);
         problem.prescribe_velocity(start, &mut motion.v);
         let mut follower = Follower::new(self.following);
@@ -214,19 +215,21 @@ impl VelocityVerlet {
                 let h = if limit >= left * (1.0 - 1e-12) { left } else { left / (left / limit).ceil() };
                 left -= h;
                 let time = if left > 0.0 { time - left } else { time };
-                kick(&mut motion.v, 0.5 * h, &force, problem.mass(), problem.fixed());
+                free.update(problem.mass(), problem.fixed());
+                before.clear();
+                before.extend(free.fixed.iter().map(|&dof| motion.u[dof as usize]));
+                kick_and_move(&mut motion.v, &mut motion.u, h, &force, &free.inverse_mass);
                 problem.prescribe_velocity(time - 0.5 * h, &mut motion.v);
-                before.copy_from_slice(&motion.u);
-                vector::add_scaled(&mut motion.u, h, &motion.v);
+                for (&dof, before) in free.fixed.iter().zip(&before) {
+                    motion.u[dof as usize] = before + h * motion.v[dof as usize];
+                }
                 problem.prescribe_displacement(time, &mut motion.u);
-                for (dof, &fixed) in problem.fixed().iter().enumerate() {
-                    if fixed {
-                        motion.v[dof] = (motion.u[dof] - before[dof]) / h;
-                    }
+                for (&dof, before) in free.fixed.iter().zip(&before) {
+                    motion.v[dof as usize] = (motion.u[dof as usize] - before) / h;
                 }
                 motion.time = time;
                 problem.force(time, &motion.u, &motion.v, &mut force).map_err(stopped(step, time))?;
-                kick(&mut motion.v, 0.5 * h, &force, problem.mass(), problem.fixed());
+                kick(&mut motion.v, 0.5 * h, &force, &free.inverse_mass);
                 problem.prescribe_velocity(time, &mut motion.v);
                 problem.accept(time, &motion.u, &motion.v).map_err(stopped(step, time))?;
                 if left <= 0.0 {
@@ -253,13 +256,48 @@ impl VelocityVerlet {
     }
 }
 
-/// `v += dt M⁻¹ f` at free dofs.
-fn kick(v: &mut [f64], dt: f64, force: &[f64], mass: &[f64], fixed: &[bool]) {
-    let n = v.len();
-    assert!(force.len() == n && mass.len() == n && fixed.len() == n);
-    v.par_iter_mut().with_min_len(16_384).enumerate().for_each(|(k, v)| {
-        if !fixed[k] {
-            *v += dt * force[k] / mass[k];
+/// What moves freely.
+struct Free {
+    /// 1/m, and 0 at fixed dofs.
+    inverse_mass: Vec<f64>,
+    /// The fixed dofs.
+    fixed: Vec<u32>,
+    flags: Vec<bool>,
+}
+
+impl Free {
+    fn of(mass: &[f64], fixed: &[bool]) -> Self {
+        let inverse_mass = mass.iter().zip(fixed).map(|(m, &fixed)| if fixed { 0.0 } else { 1.0 / m }).collect();
+        let list = (0..fixed.len() as u32).filter(|&dof| fixed[dof as usize]).collect();
+        Free { inverse_mass, fixed: list, flags: fixed.to_vec() }
+    }
+    /// Follows what is fixed now.
+    fn update(&mut self, mass: &[f64], fixed: &[bool]) {
+        if self.flags != fixed {
+            *self = Free::of(mass, fixed);
+        }
+    }
+}
+
+/// Entries that one thread takes at a time.
+const GRAIN: usize = 16_384;
+
+/// `v += dt M⁻¹ f`
+fn kick(v: &mut [f64], dt: f64, force: &[f64], inverse_mass: &[f64]) {
+    v.par_chunks_mut(GRAIN).zip(force.par_chunks(GRAIN)).zip(inverse_mass.par_chunks(GRAIN)).for_each(|((v, f), w)| {
+        for ((v, f), w) in v.iter_mut().zip(f).zip(w) {
+            *v += dt * f * w;
+        }
+    });
+}
+
+/// `v += dt/2 M⁻¹ f; u += dt v`, in one go through memory.
+fn kick_and_move(v: &mut [f64], u: &mut [f64], dt: f64, force: &[f64], inverse_mass: &[f64]) {
+    let (v, u) = (v.par_chunks_mut(GRAIN), u.par_chunks_mut(GRAIN));
+    v.zip(u).zip(force.par_chunks(GRAIN)).zip(inverse_mass.par_chunks(GRAIN)).for_each(|(((v, u), f), w)| {
+        for (((v, u), f), w) in v.iter_mut().zip(u).zip(f).zip(w) {
+            *v += 0.5 * dt * f * w;
+            *u += dt * *v;
         }
     });
 }

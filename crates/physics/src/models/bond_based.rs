@@ -1,5 +1,5 @@
 use crate::elasticity::{Isotropic, Section};
-use crate::family::{Bond, Family, Reference, Undeformed};
+use crate::family::{Bond, Family, Place, Reference, Undeformed};
 use crate::influence::Influence;
 use crate::material::{Material, SingularFamily};
 use crate::scalar::Scalar;
@@ -91,6 +91,7 @@ impl<G: StretchLaw, I: Influence, const D: usize> Material<D> for BondBased<G, I
     type Constants = BondBasedConstants;
     /// c
     type Shape = f64;
+    type Moments<R: Scalar> = ();
     /// c/2
     type State<R: Scalar> = R;
 
@@ -102,8 +103,10 @@ impl<G: StretchLaw, I: Influence, const D: usize> Material<D> for BondBased<G, I
         Ok(constants.modulus() / if constants.continuum { constants.continuum_moment(h.horizon()) } else { first_moment })
     }
     #[inline(always)]
-    fn state<S: Scalar>(&self, _: &BondBasedConstants, c: &f64, _: Family<S, D>) -> S::Sum {
-        S::Sum::of(0.5 * c)
+    fn moments<S: Scalar>(&self, _: Family<S, D>) {}
+    #[inline(always)]
+    fn state_of<R: Scalar>(&self, _: &BondBasedConstants, c: &f64, (): &(), _: Place) -> R {
+        R::of(0.5 * c)
     }
     #[inline(always)]
     fn force<S: Scalar>(&self, half_c: &S, b: Bond<S, D>) -> Vector<S, D> {

@@ -1,6 +1,6 @@
 use super::FLAT_FAMILY;
 use crate::constitutive::{Deformation, Law};
-use crate::family::{Bond, Family, Reference};
+use crate::family::{Bond, Family, Place, Reference};
 use crate::influence::Influence;
 use crate::material::{Material, SingularFamily};
 use crate::scalar::{Scalar, array, lift};
@@ -258,14 +258,14 @@ impl<L, Z, I: Influence, const M: usize> CorrectedCorrespondence<L, Z, I, M> {
             },
         )
     }
+    /// The integrals of [`gradient`](Self::gradient), and the first with the rate of η.
     #[inline(always)]
-    fn deformation<'a, S: Scalar, A: Copy, const D: usize>(
+    fn integrals<S: Scalar, A: Copy, const D: usize>(
         &self,
         rate: bool,
-        words: usize,
         shape: &CorrectedShape<A, D, M>,
-        h: Family<'a, S, D>,
-    ) -> (Deformation<'a, S::Sum, D>, Matrix<S::Sum, D>) {
+        h: Family<S, D>,
+    ) -> Integrals<S::Sum, D> {
         let (gradient, moment) = self.gradient(
             shape,
             h,
@@ -283,8 +283,21 @@ impl<L, Z, I: Influence, const M: usize> CorrectedCorrespondence<L, Z, I, M> {
         } else {
             Matrix::zero()
         };
-        (Deformation { gradient, rate, temperature: h.temperature(), time: h.time(), memory: h.history(words) }, moment)
+        ((gradient, rate), moment)
     }
+}
+
+/// F − 1 and its rate, and ∫ ω η ⊗ ξ dV′.
+type Integrals<R, const D: usize> = ((Matrix<R, D>, Matrix<R, D>), Matrix<R, D>);
+
+/// What the law sees.
+#[inline(always)]
+fn deformation<'a, R: Scalar, const D: usize>(
+    words: usize,
+    &((gradient, rate), _): &Integrals<R, D>,
+    place: Place<'a>,
+) -> Deformation<'a, R, D> {
+    Deformation { gradient, rate, temperature: place.temperature, time: place.time, memory: place.history(words) }
 }
 
 impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Material<D> for CorrectedCorrespondence<L, Z, I, M> {
@@ -292,8 +305,11 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
     const RATE: bool = L::RATE;
     const CONSERVATIVE: bool = L::HYPERELASTIC;
     const STORED_INFLUENCE: bool = I::STORED;
+    /// The integrals weigh bonds with what the reference family decides.
+    const ABREAST: bool = false;
     type Constants = L::Constants;
     type Shape = CorrectedShape<Z::Shape, D, M>;
+    type Moments<R: Scalar> = Integrals<R, D>;
     type State<R: Scalar> = CorrectedState<R, Z::State<R>, D, M>;
 
     fn shape(&self, c: &L::Constants, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
@@ -316,19 +332,26 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
     fn reshape(&self, c: &L::Constants, _: &Self::Shape, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
         self.shape(c, h)
     }
+    fn moments<S: Scalar>(&self, _: Family<S, D>) -> Self::Moments<S::Sum> {
+        unreachable!("the integrals of a corrected influence function need the shape")
+    }
     #[inline(always)]
     fn state<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
-        let (f, moment) = self.deformation(L::RATE, L::MEMORY, shape, h);
+        self.state_of(c, shape, &self.integrals(L::RATE, shape, h), h.place())
+    }
+    #[inline(always)]
+    fn state_of<R: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, moments: &Self::Moments<R>, place: Place) -> Self::State<R> {
+        let f = deformation(L::MEMORY, moments, place);
         let p = self.law.first_piola(c, &f);
         // ∫ ω z ⊗ ξ dV′
-        let rest = moment - f.gradient * shape.tensor.to();
+        let rest = moments.1 - f.gradient * shape.tensor.to();
         let (less_r, a) = self.control.state(&shape.control, Matrix::zero(), &rest);
         let (less_ah, _) = self.control.state(&shape.control, Matrix::zero(), &f.gradient);
         let coefficients = shape.coefficients.map(
             #[inline(always)]
-            |row| row.map(S::Sum::of),
+            |row| row.map(R::of),
         );
-        ((p + less_r, less_ah), (a, (coefficients, S::Sum::of(shape.scale))))
+        ((p + less_r, less_ah), (a, (coefficients, R::of(shape.scale))))
     }
     #[inline(always)]
     fn force<S: Scalar>(&self, ((q, less_ah), (a, (coefficients, scale))): &Self::State<S>, b: Bond<S, D>) -> Vector<S, D> {
@@ -343,7 +366,7 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
     }
     #[inline(always)]
     fn energy_density<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> S::Sum {
-        let (f, _) = self.deformation(L::RATE, L::MEMORY, shape, h);
+        let f = deformation(L::MEMORY, &self.integrals(L::RATE, shape, h), h.place());
         let gradient: Matrix<S, D> = lift::<S, _, _>(&f.gradient);
         let control = h.integrate(
             #[inline(always)]
@@ -353,14 +376,14 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
     }
     fn commit(&self, c: &L::Constants, shape: &Self::Shape, h: Family<f64, D>, point: &mut [f64], _: &mut [&mut [f64]]) {
         if L::MEMORY > 0 {
-            self.law.commit(c, &self.deformation(L::RATE, L::MEMORY, shape, h).0, point);
+            self.law.commit(c, &deformation(L::MEMORY, &self.integrals(L::RATE, shape, h), h.place()), point);
         }
     }
     fn displacement_gradient(&self, _: &L::Constants, shape: &Self::Shape, h: Family<f64, D>) -> Matrix<f64, D> {
-        self.deformation(false, 0, shape, h).0.gradient
+        self.integrals(false, shape, h).0.0
     }
     fn out_of_plane_stress(&self, c: &L::Constants, shape: &Self::Shape, h: Family<f64, D>, _: &Matrix<f64, D>) -> f64 {
-        self.law.out_of_plane_stress(c, &self.deformation(L::RATE, L::MEMORY, shape, h).0)
+        self.law.out_of_plane_stress(c, &deformation(L::MEMORY, &self.integrals(L::RATE, shape, h), h.place()))
     }
     fn shortfall(&self, shape: &Self::Shape) -> Option<&'static str> {
         shape.lowered.then_some("families with too few bonds for the order of the correction, which have a lower one")

@@ -1,5 +1,5 @@
 use crate::constitutive::{Deformation, Law};
-use crate::family::{Bond, Family, Reference};
+use crate::family::{Bond, Family, Place, Reference};
 use crate::influence::Influence;
 use crate::material::{Material, SingularFamily};
 use crate::scalar::{Scalar, lift};
@@ -48,33 +48,21 @@ pub struct Correspondence<L, Z, I> {
     pub omega: I,
 }
 
-impl<L, Z, I: Influence> Correspondence<L, Z, I> {
-    /// F − 1 = (∫ ω η ⊗ ξ dV′) K⁻¹
-    #[inline(always)]
-    fn gradient<S: Scalar, const D: usize>(&self, inverse: &Matrix<f64, D>, h: Family<S, D>) -> Matrix<S::Sum, D> {
-        h.integrate(
-            #[inline(always)]
-            |b| b.eta().outer(b.xi() * self.omega.at(b)),
-        ) * inverse.to()
-    }
-    /// What the law sees.
-    #[inline(always)]
-    fn deformation<'a, S: Scalar, const D: usize>(
-        &self,
-        rate: bool,
-        words: usize,
-        inverse: &Matrix<f64, D>,
-        h: Family<'a, S, D>,
-    ) -> Deformation<'a, S::Sum, D> {
-        let rate = if rate && h.has_velocity() {
-            h.integrate(
-                #[inline(always)]
-                |b| b.eta_rate().outer(b.xi() * self.omega.at(b)),
-            ) * inverse.to()
-        } else {
-            Matrix::zero()
-        };
-        Deformation { gradient: self.gradient(inverse, h), rate, temperature: h.temperature(), time: h.time(), memory: h.history(words) }
+/// What the law sees, given ∫ ω η ⊗ ξ dV′, ∫ ω η̇ ⊗ ξ dV′ and K⁻¹: F − 1 and its rate are theirs times K⁻¹.
+#[inline(always)]
+fn deformation<'a, R: Scalar, const D: usize>(
+    words: usize,
+    inverse: &Matrix<f64, D>,
+    (gradient, rate): &(Matrix<R, D>, Matrix<R, D>),
+    place: Place<'a>,
+) -> Deformation<'a, R, D> {
+    let inverse = inverse.to();
+    Deformation {
+        gradient: *gradient * inverse,
+        rate: *rate * inverse,
+        temperature: place.temperature,
+        time: place.time,
+        memory: place.history(words),
     }
 }
 
@@ -86,6 +74,8 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
     type Constants = L::Constants;
     /// K⁻¹ and A
     type Shape = (Matrix<f64, D>, Z::Shape);
+    /// ∫ ω η ⊗ ξ dV′, and with the rate of η
+    type Moments<R: Scalar> = (Matrix<R, D>, Matrix<R, D>);
     /// P K⁻¹ − A (F − 1), and A
     type State<R: Scalar> = (Matrix<R, D>, Z::State<R>);
 
@@ -101,8 +91,30 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
         self.shape(c, h)
     }
     #[inline(always)]
-    fn state<S: Scalar>(&self, c: &L::Constants, (inverse, a): &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
-        let f = self.deformation(L::RATE, L::MEMORY, inverse, h);
+    fn moments<S: Scalar>(&self, h: Family<S, D>) -> Self::Moments<S::Sum> {
+        let gradient = h.integrate(
+            #[inline(always)]
+            |b| b.eta().outer(b.xi() * self.omega.at(b)),
+        );
+        let rate = if L::RATE && h.has_velocity() {
+            h.integrate(
+                #[inline(always)]
+                |b| b.eta_rate().outer(b.xi() * self.omega.at(b)),
+            )
+        } else {
+            Matrix::zero()
+        };
+        (gradient, rate)
+    }
+    #[inline(always)]
+    fn state_of<R: Scalar>(
+        &self,
+        c: &L::Constants,
+        (inverse, a): &Self::Shape,
+        moments: &Self::Moments<R>,
+        place: Place,
+    ) -> Self::State<R> {
+        let f = deformation(L::MEMORY, inverse, moments, place);
         let p = self.law.first_piola(c, &f);
         self.control.state(a, p * inverse.to(), &f.gradient)
     }
@@ -117,7 +129,7 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
     }
     #[inline(always)]
     fn energy_density<S: Scalar>(&self, c: &L::Constants, (inverse, a): &Self::Shape, h: Family<S, D>) -> S::Sum {
-        let f = self.deformation(L::RATE, L::MEMORY, inverse, h);
+        let f = deformation(L::MEMORY, inverse, &self.moments(h), h.place());
         let gradient: Matrix<S, D> = lift::<S, _, _>(&f.gradient);
         let control = h.integrate(
             #[inline(always)]
@@ -127,10 +139,10 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
     }
     fn commit(&self, c: &L::Constants, (inverse, _): &Self::Shape, h: Family<f64, D>, point: &mut [f64], _: &mut [&mut [f64]]) {
         if L::MEMORY > 0 {
-            self.law.commit(c, &self.deformation(L::RATE, L::MEMORY, inverse, h), point);
+            self.law.commit(c, &deformation(L::MEMORY, inverse, &self.moments(h), h.place()), point);
         }
     }
     fn out_of_plane_stress(&self, c: &L::Constants, (inverse, _): &Self::Shape, h: Family<f64, D>, _: &Matrix<f64, D>) -> f64 {
-        self.law.out_of_plane_stress(c, &self.deformation(L::RATE, L::MEMORY, inverse, h))
+        self.law.out_of_plane_stress(c, &deformation(L::MEMORY, inverse, &self.moments(h), h.place()))
     }
 }

@@ -1,5 +1,5 @@
 use crate::constitutive::{Strain, StrainLaw};
-use crate::family::{Bond, Family, Reference};
+use crate::family::{Bond, Family, Place, Reference};
 use crate::influence::Influence;
 use crate::material::{Material, SingularFamily};
 use crate::scalar::{Scalar, array};
@@ -253,14 +253,6 @@ pub struct BondStrainShape {
     truncated: bool,
 }
 
-/// What a family deforms to.
-struct Strained<R, const D: usize> {
-    /// ∫ ω ε n⊗n dV′ (Mandel).
-    sum: Symmetric<R, D>,
-    /// Ē (Mandel).
-    strain: Symmetric<R, D>,
-}
-
 /// 1/|ξ|², c − 1 = (2ξ·η + η·η)/|ξ|² and c of a bond.
 #[inline(always)]
 fn growth<S: Scalar, const D: usize>(xi: Vector<S, D>, eta: Vector<S, D>) -> (S, S, S) {
@@ -269,20 +261,24 @@ fn growth<S: Scalar, const D: usize>(xi: Vector<S, D>, eta: Vector<S, D>) -> (S,
 }
 
 impl<L, I: Influence> ExtendedCorrespondence<L, I> {
+    /// ∫ ω ε n⊗n dV′ (Mandel).
     #[inline(always)]
-    fn strained<S: Scalar, const D: usize>(&self, shape: &BondStrainShape, h: Family<S, D>) -> Strained<S::Sum, D> {
-        let sum = h
-            .integrate(
-                #[inline(always)]
-                |b| {
-                    let xi = b.xi();
-                    let (inverse, x, c) = growth(xi, b.eta());
-                    let weight = self.omega.at(b) * self.exponent.strain_of(x, c) * inverse;
-                    Symmetric::square(xi).zip(Symmetric([weight; 6]), |a, w| a * w)
-                },
-            )
-            .scaled_off_diagonal(SQRT_2);
-        Strained { sum, strain: shape.map.apply(sum) }
+    fn sum<S: Scalar, const D: usize>(&self, h: Family<S, D>) -> Symmetric<S::Sum, D> {
+        h.integrate(
+            #[inline(always)]
+            |b| {
+                let xi = b.xi();
+                let (inverse, x, c) = growth(xi, b.eta());
+                let weight = self.omega.at(b) * self.exponent.strain_of(x, c) * inverse;
+                Symmetric::square(xi).zip(Symmetric([weight; 6]), |a, w| a * w)
+            },
+        )
+        .scaled_off_diagonal(SQRT_2)
+    }
+    /// Ē of a family (Mandel).
+    #[inline(always)]
+    fn strain<S: Scalar, const D: usize>(&self, shape: &BondStrainShape, h: Family<S, D>) -> Symmetric<S::Sum, D> {
+        shape.map.apply(self.sum(h))
     }
     fn moment<const D: usize>(&self, h: Reference<D>) -> StrainMap {
         let n = D * (D + 1) / 2;
@@ -307,6 +303,8 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
     const STORED_INFLUENCE: bool = I::STORED;
     type Constants = L::Constants;
     type Shape = BondStrainShape;
+    /// ∫ ω ε n⊗n dV′ (Mandel)
+    type Moments<R: Scalar> = Symmetric<R, D>;
     /// Q with unequal indices doubled, and s: T = ω (n·Q n + s ε) c^(m − 1) Y/|ξ|²
     type State<R: Scalar> = (Symmetric<R, D>, R);
 
@@ -346,19 +344,23 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
         Ok(BondStrainShape { moment: self.moment(h), ..*shape })
     }
     #[inline(always)]
-    fn state<S: Scalar>(&self, c: &L::Constants, shape: &BondStrainShape, h: Family<S, D>) -> Self::State<S::Sum> {
-        let Strained { sum, strain } = self.strained(shape, h);
-        let stress = self.law.stress(c, &seen_by_law::<_, _, D>(L::MEMORY, strain, h));
+    fn moments<S: Scalar>(&self, h: Family<S, D>) -> Symmetric<S::Sum, D> {
+        self.sum(h)
+    }
+    #[inline(always)]
+    fn state_of<R: Scalar>(&self, c: &L::Constants, shape: &BondStrainShape, sum: &Symmetric<R, D>, place: Place) -> Self::State<R> {
+        let strain = shape.map.apply(*sum);
+        let stress = self.law.stress(c, &seen_by_law(L::MEMORY, strain, place));
         let stress = Symmetric::of_matrix(&stress).scaled_off_diagonal(SQRT_2);
         let q = if self.control > 0.0 {
             // Q : n n + s ε with Q = L : (σ − s R) − s Ē, R = ∫ω ε nn − G : Ē
-            let s = S::Sum::of(shape.control);
+            let s = R::of(shape.control);
             let rest = sum.zip(shape.moment.apply(strain), |a, b| a - b);
             shape.map.apply(stress.zip(rest, |a, b| a - b * s)).zip(strain, |a, b| a - b * s)
         } else {
             shape.map.apply(stress)
         };
-        (q.scaled_off_diagonal(SQRT_2), S::Sum::of(shape.control))
+        (q.scaled_off_diagonal(SQRT_2), R::of(shape.control))
     }
     #[inline(always)]
     fn force<S: Scalar>(&self, (q, s): &Self::State<S>, b: Bond<S, D>) -> Vector<S, D> {
@@ -372,8 +374,8 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
     }
     #[inline(always)]
     fn energy_density<S: Scalar>(&self, c: &L::Constants, shape: &BondStrainShape, h: Family<S, D>) -> S::Sum {
-        let strain = self.strained(shape, h).strain;
-        let mut energy = self.law.energy(c, &seen_by_law::<_, _, D>(L::MEMORY, strain, h));
+        let strain = self.strain(shape, h);
+        let mut energy = self.law.energy(c, &seen_by_law(L::MEMORY, strain, h.place()));
         if self.control > 0.0 {
             let uniform: Symmetric<S, D> = Symmetric(array(
                 #[inline(always)]
@@ -395,8 +397,8 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
     }
     fn commit(&self, c: &L::Constants, shape: &BondStrainShape, h: Family<f64, D>, point: &mut [f64], _: &mut [&mut [f64]]) {
         if L::MEMORY > 0 {
-            let strain = self.strained(shape, h).strain;
-            self.law.commit(c, &seen_by_law::<_, _, D>(L::MEMORY, strain, h), point);
+            let strain = self.strain(shape, h);
+            self.law.commit(c, &seen_by_law(L::MEMORY, strain, h.place()), point);
         }
     }
     fn collapse(&self) -> bool {
@@ -404,19 +406,19 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
         self.exponent.value() < 1.0
     }
     fn extended_strain(&self, _: &L::Constants, shape: &BondStrainShape, h: Family<f64, D>) -> Option<Matrix<f64, D>> {
-        Some(self.strained(shape, h).strain.scaled_off_diagonal(1.0 / SQRT_2).matrix())
+        Some(self.strain(shape, h).scaled_off_diagonal(1.0 / SQRT_2).matrix())
     }
     fn shortfall(&self, shape: &BondStrainShape) -> Option<&'static str> {
         shape.truncated.then_some("fewer than d(d + 1)/2 independent directions: strains that no bond sees are left at zero")
     }
     /// The law's, conjugate to Ē.
     fn out_of_plane_stress(&self, c: &L::Constants, shape: &BondStrainShape, h: Family<f64, D>, _: &Matrix<f64, D>) -> f64 {
-        self.law.out_of_plane_stress(c, &seen_by_law::<f64, _, D>(L::MEMORY, self.strained(shape, h).strain, h))
+        self.law.out_of_plane_stress(c, &seen_by_law(L::MEMORY, self.strain(shape, h), h.place()))
     }
 }
 
 /// What the law sees of Ē, given in the components of Mandel.
 #[inline(always)]
-fn seen_by_law<'a, S: Scalar, R: Scalar, const D: usize>(words: usize, strain: Symmetric<R, D>, h: Family<'a, S, D>) -> Strain<'a, R, D> {
-    Strain { tensor: strain.scaled_off_diagonal(1.0 / SQRT_2).matrix(), temperature: h.temperature(), memory: h.history(words) }
+fn seen_by_law<R: Scalar, const D: usize>(words: usize, strain: Symmetric<R, D>, place: Place) -> Strain<R, D> {
+    Strain { tensor: strain.scaled_off_diagonal(1.0 / SQRT_2).matrix(), temperature: place.temperature, memory: place.history(words) }
 }

@@ -1,5 +1,5 @@
 use crate::elasticity::{Isotropic, Section};
-use crate::family::{Bond, Family, Reference, Undeformed};
+use crate::family::{Bond, Family, Place, Reference, Undeformed};
 use crate::influence::Influence;
 use crate::material::{Material, SingularFamily};
 use crate::scalar::Scalar;
@@ -70,14 +70,6 @@ impl LinearPeridynamicSolidConstants {
 }
 
 impl<I: Influence> LinearPeridynamicSolid<I> {
-    /// θ = (d/m) ∫ ω |ξ| e dV′
-    #[inline(always)]
-    fn dilatation<S: Scalar, const D: usize>(&self, m: f64, h: Family<S, D>) -> S::Sum {
-        h.integrate(
-            #[inline(always)]
-            |b| self.omega.at(b) * b.length() * b.extension().0,
-        ) * (D as f64 / m)
-    }
     /// α = d (d + 2) G/m
     #[inline(always)]
     fn alpha<const D: usize>(c: &LinearPeridynamicSolidConstants, m: f64) -> f64 {
@@ -90,6 +82,8 @@ impl<I: Influence, const D: usize> Material<D> for LinearPeridynamicSolid<I> {
     type Constants = LinearPeridynamicSolidConstants;
     /// m
     type Shape = f64;
+    /// m θ/d = ∫ ω |ξ| e dV′
+    type Moments<R: Scalar> = R;
     /// a = d κ θ/m − α θ/d, and α: T = ω (a |ξ| + α e) y
     type State<R: Scalar> = [R; 2];
 
@@ -104,9 +98,17 @@ impl<I: Influence, const D: usize> Material<D> for LinearPeridynamicSolid<I> {
         if c.rebuild { self.shape(c, h) } else { Ok(*m) }
     }
     #[inline(always)]
-    fn state<S: Scalar>(&self, c: &Self::Constants, m: &f64, h: Family<S, D>) -> [S::Sum; 2] {
+    fn moments<S: Scalar>(&self, h: Family<S, D>) -> S::Sum {
+        h.integrate(
+            #[inline(always)]
+            |b| self.omega.at(b) * b.length() * b.extension().0,
+        )
+    }
+    #[inline(always)]
+    fn state_of<R: Scalar>(&self, c: &Self::Constants, m: &f64, moment: &R, _: Place) -> [R; 2] {
         let (d, alpha) = (D as f64, Self::alpha::<D>(c, *m));
-        [self.dilatation(*m, h) * (d * c.bulk / m - alpha / d), S::Sum::of(alpha)]
+        let theta = *moment * (d / m);
+        [theta * (d * c.bulk / m - alpha / d), R::of(alpha)]
     }
     #[inline(always)]
     fn force<S: Scalar>(&self, &[spherical, alpha]: &[S; 2], b: Bond<S, D>) -> Vector<S, D> {

@@ -1,6 +1,6 @@
 use super::FLAT_FAMILY;
 use crate::constitutive::{Deformation, Law};
-use crate::family::{Bond, Family, Reference};
+use crate::family::{Bond, Family, Place, Reference};
 use crate::influence::Influence;
 use crate::material::{Material, SingularFamily};
 use crate::scalar::{Scalar, array};
@@ -73,11 +73,11 @@ pub struct SubHorizonShape<const D: usize, const N: usize> {
 }
 
 impl<L, I: Influence, const N: usize> SubHorizonCorrespondence<L, I, N> {
-    /// `(∫ ω a ⊗ ξ dV′) K_α⁻¹` of every sub-horizon.
+    /// `∫ ω a ⊗ ξ dV′` over every sub-horizon, or over the whole family in the first place.
     #[inline(always)]
-    fn gradients<S: Scalar, const D: usize>(
+    fn sums<S: Scalar, const D: usize>(
         &self,
-        shape: &SubHorizonShape<D, N>,
+        whole: bool,
         h: Family<S, D>,
         a: impl Fn(Bond<S, D>) -> Vector<S, D>,
     ) -> [Matrix<S::Sum, D>; N] {
@@ -87,7 +87,7 @@ impl<L, I: Influence, const N: usize> SubHorizonCorrespondence<L, I, N> {
             |b| {
                 let product = a(b).outer(b.xi());
                 let weight = b.volume() * self.omega.at(b);
-                if shape.whole {
+                if whole {
                     sums[0].add_times(weight, product);
                     return;
                 }
@@ -100,28 +100,26 @@ impl<L, I: Influence, const N: usize> SubHorizonCorrespondence<L, I, N> {
         );
         array(
             #[inline(always)]
-            |k| sums[k].total() * shape.inverse[k].to(),
+            |k| sums[k].total(),
         )
     }
-    /// What the law sees in sub-horizon `k`.
+    /// `∫ ω η ⊗ ξ dV′`, and with the rate of η.
     #[inline(always)]
-    fn deformations<'a, S: Scalar, const D: usize>(
+    fn integrals<S: Scalar, const D: usize>(
         &self,
         rate: bool,
-        words: usize,
-        shape: &SubHorizonShape<D, N>,
-        h: Family<'a, S, D>,
-    ) -> [Deformation<'a, S::Sum, D>; N] {
-        let history = h.history(N * words);
-        let gradient = self.gradients(
-            shape,
+        whole: bool,
+        h: Family<S, D>,
+    ) -> ([Matrix<S::Sum, D>; N], [Matrix<S::Sum, D>; N]) {
+        let gradients = self.sums(
+            whole,
             h,
             #[inline(always)]
             |b| b.eta(),
         );
-        let rate = if rate && h.has_velocity() {
-            self.gradients(
-                shape,
+        let rates = if rate && h.has_velocity() {
+            self.sums(
+                whole,
                 h,
                 #[inline(always)]
                 |b| b.eta_rate(),
@@ -129,17 +127,32 @@ impl<L, I: Influence, const N: usize> SubHorizonCorrespondence<L, I, N> {
         } else {
             [Matrix::zero(); N]
         };
-        array(
-            #[inline(always)]
-            |k| Deformation {
-                gradient: gradient[k],
-                rate: rate[k],
-                temperature: h.temperature(),
-                time: h.time(),
-                memory: &history[k * words..(k + 1) * words],
-            },
-        )
+        (gradients, rates)
     }
+}
+
+/// What the law sees in every sub-horizon.
+#[inline(always)]
+fn deformations<'a, R: Scalar, const D: usize, const N: usize>(
+    words: usize,
+    shape: &SubHorizonShape<D, N>,
+    (gradients, rates): &([Matrix<R, D>; N], [Matrix<R, D>; N]),
+    place: Place<'a>,
+) -> [Deformation<'a, R, D>; N] {
+    let history = place.history(N * words);
+    array(
+        #[inline(always)]
+        |k| {
+            let inverse = shape.inverse[k].to();
+            Deformation {
+                gradient: gradients[k] * inverse,
+                rate: rates[k] * inverse,
+                temperature: place.temperature,
+                time: place.time,
+                memory: &history[k * words..(k + 1) * words],
+            }
+        },
+    )
 }
 
 impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for SubHorizonCorrespondence<L, I, N> {
@@ -151,6 +164,8 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
     const SUB_HORIZONS: usize = N;
     type Constants = L::Constants;
     type Shape = SubHorizonShape<D, N>;
+    /// ∫ ω η ⊗ ξ dV′ over every sub-horizon, and with the rate of η
+    type Moments<R: Scalar> = ([Matrix<R, D>; N], [Matrix<R, D>; N]);
     /// 1 where the whole family serves, and P_α K_α⁻¹/N
     type State<R: Scalar> = (R, [Matrix<R, D>; N]);
 
@@ -183,8 +198,19 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
         self.shape(c, h)
     }
     #[inline(always)]
+    fn moments<S: Scalar>(&self, h: Family<S, D>) -> Self::Moments<S::Sum> {
+        self.integrals(L::RATE, false, h)
+    }
+    fn is_regular(&self, shape: &Self::Shape) -> bool {
+        !shape.whole
+    }
+    #[inline(always)]
     fn state<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
-        let f = self.deformations(L::RATE, L::MEMORY, shape, h);
+        self.state_of(c, shape, &self.integrals(L::RATE, shape.whole, h), h.place())
+    }
+    #[inline(always)]
+    fn state_of<R: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, moments: &Self::Moments<R>, place: Place) -> Self::State<R> {
+        let f = deformations(L::MEMORY, shape, moments, place);
         let q = array(
             #[inline(always)]
             |k| {
@@ -194,7 +220,7 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
                 self.law.first_piola(c, &f[k]) * (shape.inverse[k] * shape.share).to()
             },
         );
-        (S::Sum::of(f64::from(u8::from(shape.whole))), q)
+        (R::of(f64::from(u8::from(shape.whole))), q)
     }
     #[inline(always)]
     fn force<S: Scalar>(&self, (whole, q): &Self::State<S>, b: Bond<S, D>) -> Vector<S, D> {
@@ -213,7 +239,7 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
     }
     #[inline(always)]
     fn energy_density<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> S::Sum {
-        let f = self.deformations(L::RATE, L::MEMORY, shape, h);
+        let f = deformations(L::MEMORY, shape, &self.integrals(L::RATE, shape.whole, h), h.place());
         let mut w = S::Sum::of(0.0);
         for k in 0..N {
             if shape.regular >> k & 1 == 1 {
@@ -226,7 +252,7 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
         if L::MEMORY == 0 {
             return;
         }
-        for (k, f) in self.deformations(L::RATE, L::MEMORY, shape, h).iter().enumerate() {
+        for (k, f) in deformations(L::MEMORY, shape, &self.integrals(L::RATE, shape.whole, h), h.place()).iter().enumerate() {
             if shape.regular >> k & 1 == 1 {
                 self.law.commit(c, f, &mut point[k * L::MEMORY..(k + 1) * L::MEMORY]);
             }
@@ -236,7 +262,7 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
     /// interior of second.
     fn displacement_gradient(&self, _: &L::Constants, shape: &Self::Shape, h: Family<f64, D>) -> Matrix<f64, D> {
         let mut sum = Matrix::zero();
-        for (k, f) in self.deformations(false, 0, shape, h).iter().enumerate() {
+        for (k, f) in deformations(0, shape, &self.integrals(false, shape.whole, h), h.place()).iter().enumerate() {
             if shape.regular >> k & 1 == 1 {
                 sum = sum + f.gradient;
             }
@@ -244,7 +270,7 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
         sum * (1.0 / f64::from(shape.regular.count_ones()))
     }
     fn out_of_plane_stress(&self, c: &L::Constants, shape: &Self::Shape, h: Family<f64, D>, _: &Matrix<f64, D>) -> f64 {
-        let each = self.deformations(L::RATE, L::MEMORY, shape, h);
+        let each = deformations(L::MEMORY, shape, &self.integrals(L::RATE, shape.whole, h), h.place());
         (0..N).filter(|k| shape.regular >> k & 1 == 1).map(|k| self.law.out_of_plane_stress(c, &each[k]) * shape.share).sum()
     }
     fn shortfall(&self, shape: &Self::Shape) -> Option<&'static str> {

@@ -7,7 +7,7 @@ pub mod closed;
 pub mod counting;
 pub mod table;
 
-use physics::family::{Configuration, Family, Reference};
+use physics::family::{Configuration, Family, Lattice, Reference};
 use physics::lanes::{self, Kernel};
 use physics::material::Material;
 use physics::scalar::{Dual, ROW, Record, Scalar, lift};
@@ -285,6 +285,7 @@ impl<const D: usize> Body<D> {
             memory_words: self.memory_words,
             bond_memory: &self.bond_memory,
             membership: &self.membership,
+            lattice: Lattice::NONE,
         }
     }
 }

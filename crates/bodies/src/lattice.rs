@@ -1,0 +1,466 @@
+//! A chunk whose points lie on a lattice: planes instead of rows, a stencil instead of lists.
+//!
+//! Points are numbered by the cells of the box that holds them, rows along the last axis. Eight cells that begin at a multiple of eight are
+//! a group: one number of the force loop holds one bond of all its points, and their far points are eight cells in a row as well. A byte for
+//! each group and bond of the stencil says which of the points have the bond; breaking a bond clears its bit.
+
+use crate::chunk::{Chunk, Rows};
+use physics::family::{Configuration, Family, Lattice, StencilBond, Undeformed};
+use physics::lanes::{Abreast, GroupKernel, WIDTH, widest_abreast};
+use physics::scalar::{ROW, VOLUME_WORD};
+use physics::tensor::Vector;
+
+/// Share of the box that must be filled, and of the lanes of the groups' bonds that must be bonds.
+const FILLED: f64 = 0.25;
+const BUSY: f64 = 0.4;
+/// Relative deviation from a lattice, of weights and, beyond the round-off of coordinates, of bonds.
+const EXACT: f64 = 1e-12;
+/// No point.
+pub(crate) const NOBODY: u32 = u32::MAX;
+
+/// Eight cells.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Group {
+    /// The first of them.
+    pub(crate) cell: u32,
+    /// The owned points in them, or [`NOBODY`].
+    pub(crate) points: [u32; WIDTH],
+}
+
+/// Local points that are neighbours in the body's order and on the lattice alike.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    local: u32,
+    cell: u32,
+    length: u32,
+}
+
+/// The points of a chunk on a lattice.
+pub struct LatticePoints<const D: usize> {
+    stencil: Vec<StencilBond>,
+    /// Bond of the stencil for each offset from −reach to reach, or [`NOBODY`].
+    by_offset: Vec<u32>,
+    /// Cell of each local point.
+    cell: Vec<u32>,
+    runs: Vec<Run>,
+    pub(crate) groups: Vec<Group>,
+    /// Group of each eight cells, or [`NOBODY`].
+    group_of: Vec<u32>,
+    /// For each group and bond of the stencil the points that have the bond, one bit each.
+    mask: Vec<u8>,
+    /// Cells, margins included: the length of a plane.
+    cells: usize,
+    /// A plane for each component.
+    displacement: Rows,
+    pub(crate) force: Rows,
+    volume: Rows,
+    /// The words of pairwise models, or empty (what a view then has in its place nobody reads).
+    word: Rows,
+}
+
+impl<const D: usize> LatticePoints<D> {
+    /// The lattice of a chunk, where its points lie on one that is worth it and its bonds are the same everywhere.
+    pub(crate) fn find(c: &Chunk<D>) -> Option<Self> {
+        let place = Numbers::<D>::of(c)?;
+        let low: [i64; D] = std::array::from_fn(|k| place.of_point.iter().map(|x| x[k]).min().unwrap_or(0));
+        let extent: [usize; D] = std::array::from_fn(|k| (place.of_point.iter().map(|x| x[k]).max().unwrap_or(0) - low[k]) as usize + 1);
+        let all = extent.iter().try_fold(1usize, |n, &e| n.checked_mul(e))?;
+        if (c.points.len() as f64) < FILLED * all as f64 {
+            return None;
+        }
+        // the box begins where the owned points fill the fewest groups
+        let along = D - 1;
+        let row = |x: &[i64; D]| (0..along).fold(0, |r, k| r * extent[k] + (x[k] - low[k]) as usize);
+        let shift = (0..WIDTH)
+            .min_by_key(|shift| {
+                let mut groups: Vec<(usize, usize)> =
+                    place.of_point[..c.owned].iter().map(|x| (row(x), ((x[along] - low[along]) as usize + shift) / WIDTH)).collect();
+                groups.sort_unstable();
+                groups.dedup();
+                groups.len()
+            })
+            .unwrap_or(0);
+        // an odd number of cache lines from row to row, so that the rows of a family do not fall on the same few sets of the cache
+        let stride = WIDTH * ((extent[along] + shift).div_ceil(WIDTH) | 1);
+        let rows: usize = extent[..along].iter().product();
+        if rows * stride > i32::MAX as usize / 8 {
+            return None;
+        }
+        let mut cell: Vec<u32> =
+            place.of_point.iter().map(|x| (row(x) * stride + (x[along] - low[along]) as usize + shift) as u32).collect();
+        let offsets = (0..c.owned).flat_map(|i| c.slots(i).map(move |s| (i, s)));
+        let reach = offsets.fold(0, |m, (i, s)| m.max(cell[c.neighbor[s] as usize].abs_diff(cell[i]))) as usize;
+        // in front of the first row and behind the last: a group of eight looks that far although some of its points do not
+        let margin = (reach + WIDTH).next_multiple_of(WIDTH);
+        cell.iter_mut().for_each(|q| *q += margin as u32);
+        let cells = spread_planes(margin + rows * stride + margin);
+        let mut taken = vec![false; cells];
+        for &q in &cell {
+            // two points in one place
+            if std::mem::replace(&mut taken[q as usize], true) {
+                return None;
+            }
+        }
+        let mut lattice = LatticePoints {
+            stencil: vec![],
+            by_offset: vec![],
+            runs: runs(c, &cell),
+            cell,
+            groups: vec![],
+            group_of: vec![NOBODY; cells / WIDTH],
+            mask: vec![],
+            cells,
+            displacement: Rows::zeros(D * cells),
+            force: Rows::zeros(D * cells),
+            volume: Rows::zeros(cells),
+            word: Rows::default(),
+        };
+        lattice.make_stencil(c, &place, reach)?;
+        for i in 0..c.owned {
+            let q = lattice.cell[i] as usize;
+            let group = &mut lattice.group_of[q / WIDTH];
+            if *group == NOBODY {
+                *group = lattice.groups.len() as u32;
+                lattice.groups.push(Group { cell: (q / WIDTH * WIDTH) as u32, points: [NOBODY; WIDTH] });
+            }
+            lattice.groups[*group as usize].points[q % WIDTH] = i as u32;
+        }
+        for (l, &q) in lattice.cell.iter().enumerate() {
+            lattice.volume[q as usize] = c.coordinates[l * ROW + VOLUME_WORD];
+        }
+        lattice.remask(c);
+        let bonds: usize = c.count.iter().map(|&n| n as usize).sum();
+        let lanes = WIDTH * lattice.mask.iter().filter(|m| **m != 0).count();
+        (bonds as f64 >= BUSY * lanes as f64).then_some(lattice)
+    }
+
+    /// The bonds of all points, as long as they are the same: place, influence and sub-horizons.
+    fn make_stencil(&mut self, c: &Chunk<D>, place: &Numbers<D>, reach: usize) -> Option<()> {
+        let mut of_offset = vec![NOBODY; 2 * reach + 1];
+        let planes = if c.neighbor.is_empty() { 0 } else { c.membership.len() / (c.neighbor.len() / 8) };
+        let mut steps: Vec<[i64; D]> = vec![];
+        for i in 0..c.owned {
+            for s in c.slots(i) {
+                let far = c.neighbor[s] as usize;
+                let offset = self.offset(i, far);
+                let step: [i64; D] = std::array::from_fn(|k| place.of_point[far][k] - place.of_point[i][k]);
+                let sets = (0..planes).fold(0, |sets, k| sets | (c.membership[k * c.neighbor.len() / 8 + s / 8] >> (s % 8) & 1) << k);
+                let weight = if c.weight.is_empty() { 1.0 } else { c.weight[s] };
+                let known = &mut of_offset[(offset as i64 + reach as i64) as usize];
+                if *known == NOBODY {
+                    *known = self.stencil.len() as u32;
+                    let xi: [f64; 3] = std::array::from_fn(|k| if k < D { step[k] as f64 * place.spacing[k] } else { 0.0 });
+                    let length = xi.iter().map(|x| x * x).sum::<f64>().sqrt();
+                    self.stencil.push(StencilBond { offset, sets, xi, length, weight });
+                    steps.push(step);
+                    continue;
+                }
+                let bond = &self.stencil[*known as usize];
+                let same = steps[*known as usize] == step && bond.sets == sets && (bond.weight - weight).abs() <= EXACT * weight.abs();
+                if !same {
+                    return None;
+                }
+            }
+        }
+        // bonds to neighbouring cells of a row far from one another in time: what one stores the other does not wait for
+        let along = D - 1;
+        let mut order: Vec<usize> = (0..steps.len()).collect();
+        order.sort_by_key(|&b| {
+            let step = steps[b][along];
+            // 0, 1, 2, …, and after them −1, −2, …
+            (step < 0, step.abs(), steps[b])
+        });
+        self.stencil = order.iter().map(|&b| self.stencil[b]).collect();
+        for (k, bond) in self.stencil.iter().enumerate() {
+            of_offset[(bond.offset + reach as i32) as usize] = k as u32;
+        }
+        self.by_offset = of_offset;
+        Some(())
+    }
+
+    fn offset(&self, near: usize, far: usize) -> i32 {
+        self.cell[far] as i32 - self.cell[near] as i32
+    }
+
+    /// The byte of `mask` and the bit in it of the bond of owned point `i` to local point `far`.
+    fn bit(&self, i: usize, far: usize) -> (usize, u8) {
+        let group = self.group_of[self.cell[i] as usize / WIDTH] as usize;
+        let offset = self.offset(i, far);
+        let bond = self.by_offset[(offset + (self.by_offset.len() / 2) as i32) as usize] as usize;
+        (group * self.stencil.len() + bond, 1 << (self.cell[i] as usize % WIDTH))
+    }
+
+    /// The bond of owned point `i` to local point `far` has broken.
+    pub(crate) fn clear(&mut self, i: usize, far: usize) {
+        let (byte, bit) = self.bit(i, far);
+        self.mask[byte] &= !bit;
+    }
+
+    /// The masks of the intact bonds.
+    pub(crate) fn remask(&mut self, c: &Chunk<D>) {
+        let mut mask = std::mem::take(&mut self.mask);
+        mask.clear();
+        mask.resize(self.groups.len() * self.stencil.len(), 0);
+        for i in 0..c.owned {
+            for s in c.slots(i).filter(|&s| c.is_intact(s)) {
+                let (byte, bit) = self.bit(i, c.neighbor[s] as usize);
+                mask[byte] |= bit;
+            }
+        }
+        self.mask = mask;
+    }
+
+    /// The masks of a group.
+    #[inline(always)]
+    pub(crate) fn masks(&self, group: u32) -> &[u8] {
+        &self.mask[group as usize * self.stencil.len()..][..self.stencil.len()]
+    }
+
+    /// Cells of a plane.
+    #[inline(always)]
+    pub(crate) fn cells(&self) -> usize {
+        self.cells
+    }
+
+    /// The view that families borrow.
+    #[inline(always)]
+    pub(crate) fn view(&self) -> Lattice<'_> {
+        let n = self.cells;
+        let planes = &self.displacement[..D * n];
+        Lattice {
+            stencil: &self.stencil,
+            displacement: std::array::from_fn(|k| if k < D { &planes[k * n..][..n] } else { &planes[..0] }),
+            volume: &self.volume[..n],
+            // planes of one length, so that an index is checked once
+            word: if self.word.is_empty() { &self.volume[..n] } else { &self.word[..n] },
+        }
+    }
+
+    /// The arrays that families of points abreast borrow.
+    #[inline(always)]
+    pub(crate) fn configuration<R>(&self) -> Configuration<'_, R> {
+        Configuration {
+            time: 0.0,
+            coordinates: &[],
+            displacement: &[],
+            velocity: &[],
+            horizon: &[],
+            temperature: &[],
+            start: &[],
+            neighbor: &[],
+            length: &[],
+            weight: &[],
+            intact: &[],
+            membership: &[],
+            memory: &[],
+            memory_words: 0,
+            bond_memory: &[],
+            lattice: self.view(),
+        }
+    }
+
+    /// Calls `f(slot, stretch)` for the bonds whose stretch is above `least`, or so near to it that round-off decides, in the order of their
+    /// slots. Displacements are those of the planes.
+    pub(crate) fn stretched_beyond(&self, c: &Chunk<D>, least: f64, mut f: impl FnMut(usize, usize, f64)) {
+        let mut candidates = widest_abreast(Stretched { lattice: self, limit: least * (2.0 + least) });
+        candidates.sort_unstable();
+        for (i, bond) in candidates {
+            let i = i as usize;
+            let near = self.cell[i];
+            let far = near.wrapping_add_signed(self.stencil[bond as usize].offset);
+            let slot = c.slots(i).find(|&s| self.cell[c.neighbor[s] as usize] == far).expect("a bond of the point");
+            let n = self.cells;
+            let eta = Vector::<f64, D>(std::array::from_fn(|k| {
+                self.displacement[k * n + far as usize] - self.displacement[k * n + near as usize]
+            }));
+            let xi = c.xi(i, slot);
+            f(i, slot, stretch(Vector(std::array::from_fn(|k| xi[k])), eta));
+        }
+    }
+
+    /// Keeps the words of pairwise models, one for each local point.
+    pub(crate) fn set_words(&mut self, word: impl Fn(usize) -> f64) {
+        self.word = Rows::zeros(self.cells);
+        for (l, &q) in self.cell.iter().enumerate() {
+            self.word[q as usize] = word(l);
+        }
+    }
+
+    /// The word of a local point; 0 where there is none.
+    pub(crate) fn word(&self, local: usize) -> f64 {
+        if self.word.is_empty() { 0.0 } else { self.word[self.cell[local] as usize] }
+    }
+
+    /// Spreads displacements of the body (`D` words a point, sorted order) to the planes.
+    pub(crate) fn fill(&mut self, points: &[u32], flips: &[u8], u: &[f64]) {
+        let n = self.cells;
+        for run in &self.runs {
+            let (p, q, m) = (points[run.local as usize] as usize, run.cell as usize, run.length as usize);
+            let source = &u[p * D..(p + m) * D];
+            let flip = flips[run.local as usize];
+            for k in 0..D {
+                let sign = if flip >> k & 1 == 1 { -1.0 } else { 1.0 };
+                for (x, u) in self.displacement[k * n + q..][..m].iter_mut().zip(source.chunks_exact(D)) {
+                    *x = sign * u[k];
+                }
+            }
+        }
+    }
+
+    /// The force on owned points (`D` words a point).
+    pub(crate) fn own_force(&self, owned: usize, out: &mut [f64]) {
+        let n = self.cells;
+        for run in self.runs.iter().take_while(|r| (r.local as usize) < owned) {
+            let (l, q, m) = (run.local as usize, run.cell as usize, run.length as usize);
+            for k in 0..D {
+                for (f, x) in out[l * D..(l + m) * D].chunks_exact_mut(D).zip(&self.force[k * n + q..][..m]) {
+                    f[k] = *x;
+                }
+            }
+        }
+    }
+
+    /// Component `k` of the force on a local point.
+    #[inline(always)]
+    pub(crate) fn force_on(&self, local: usize, k: usize) -> f64 {
+        self.force[k * self.cells + self.cell[local] as usize]
+    }
+
+    /// Bytes held for bonds and for points.
+    pub(crate) fn bytes(&self) -> (usize, usize) {
+        let bonds = self.mask.len() + self.stencil.len() * size_of::<StencilBond>() + self.by_offset.len() * 4;
+        let planes = self.displacement.len() + self.force.len() + self.volume.len() + self.word.len();
+        let points = self.cell.len() * 4
+            + self.groups.len() * size_of::<Group>()
+            + self.group_of.len() * 4
+            + self.runs.len() * size_of::<Run>()
+            + planes * 8;
+        (bonds, points)
+    }
+}
+
+/// The length of planes that lie one after the other, at least `cells`: nine cache lines beyond a multiple of 4096 bytes, so that the
+/// entries of a cell in seven planes fall on different sets of the first-level cache.
+fn spread_planes(cells: usize) -> usize {
+    const PERIOD: usize = 512;
+    const BEYOND: usize = 72;
+    cells.saturating_sub(BEYOND).next_multiple_of(PERIOD) + BEYOND
+}
+
+/// (|Y| − |ξ|)/|ξ|, with all digits of a small strain.
+fn stretch<const D: usize>(xi: Vector<f64, D>, eta: Vector<f64, D>) -> f64 {
+    let y = xi + eta;
+    let length = xi.norm();
+    eta.dot(xi + y) / ((y.norm() + length) * length)
+}
+
+/// Bonds for which |Y|² − |ξ|² is above `limit` |ξ|² or close below, as owned point and bond of the stencil.
+struct Stretched<'a, const D: usize> {
+    lattice: &'a LatticePoints<D>,
+    limit: f64,
+}
+impl<const D: usize> GroupKernel for Stretched<'_, D> {
+    type Output = Vec<(u32, u32)>;
+    const PAIRED: bool = true;
+    #[inline(always)]
+    fn run<S: Abreast>(self) -> Self::Output {
+        let lattice = self.lattice;
+        let c = lattice.configuration::<S>();
+        let limit = self.limit - EXACT * (1.0 + self.limit.abs());
+        let mut found = vec![];
+        for (k, groups) in lattice.groups.chunks(S::GROUPS).enumerate() {
+            let first = (k * S::GROUPS) as u32;
+            // a last group without another stands beside itself, asked for nothing there
+            let (second, other) = if groups.len() > 1 { (first + 1, &groups[1]) } else { (first, &groups[0]) };
+            let lanes = if groups.len() > 1 { u16::MAX } else { u16::from(u8::MAX) };
+            let cells = [groups[0].cell as usize, other.cell as usize];
+            let family = Family::<S, D>::abreast(&c, cells, [lattice.masks(first), lattice.masks(second)], lanes);
+            family.each(
+                #[inline(always)]
+                |b| {
+                    let square = b.length() * b.length();
+                    let beyond = (b.growth() - square * limit).positive() & b.lanes();
+                    if beyond != 0 {
+                        for l in (0..2 * WIDTH).filter(|l| beyond >> l & 1 == 1) {
+                            found.push((groups[l / WIDTH].points[l % WIDTH], b.slot() as u32));
+                        }
+                    }
+                },
+            );
+        }
+        found
+    }
+}
+
+/// Runs of local points.
+fn runs<const D: usize>(c: &Chunk<D>, cell: &[u32]) -> Vec<Run> {
+    let mut runs: Vec<Run> = vec![];
+    for l in 0..cell.len() {
+        if let Some(run) = runs.last_mut()
+            && l != c.owned
+            && c.points[l] == c.points[l - 1] + 1
+            && cell[l] == cell[l - 1] + 1
+            && c.flips[l] == c.flips[l - 1]
+        {
+            run.length += 1;
+            continue;
+        }
+        runs.push(Run { local: l as u32, cell: cell[l], length: 1 });
+    }
+    runs
+}
+
+/// Whole numbers of the points of a lattice.
+struct Numbers<const D: usize> {
+    spacing: [f64; D],
+    of_point: Vec<[i64; D]>,
+}
+
+impl<const D: usize> Numbers<D> {
+    /// `None` where the points lie on no lattice along the axes.
+    fn of(c: &Chunk<D>) -> Option<Self> {
+        let n = c.points.len();
+        let x = |l: usize, k: usize| c.coordinates[l * ROW + k];
+        let mut of_point = vec![[0; D]; n];
+        let mut spacing = [0.0; D];
+        for k in 0..D {
+            let (low, high) = (0..n).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), l| (a.min(x(l, k)), b.max(x(l, k))));
+            let round_off = 16.0 * f64::EPSILON * low.abs().max(high.abs());
+            if !(high - low).is_finite() {
+                return None;
+            }
+            // the shortest way along the axis of the bonds of a few points
+            let sample = c.owned.div_ceil(64).max(1);
+            let mut step = f64::INFINITY;
+            for i in (0..c.owned).step_by(sample) {
+                let reach = c.slots(i).map(|s| c.xi(i, s)[k].abs()).fold(0.0, f64::max);
+                for d in c.slots(i).map(|s| c.xi(i, s)[k].abs()) {
+                    if d > 1e-6 * reach && d > round_off {
+                        step = step.min(d);
+                    }
+                }
+            }
+            if step == f64::INFINITY {
+                // all in a plane
+                if high - low > round_off {
+                    return None;
+                }
+                continue;
+            }
+            let steps = ((high - low) / step).round();
+            if steps > f64::from(i32::MAX) {
+                return None;
+            }
+            let h = if steps > 0.0 { (high - low) / steps } else { step };
+            spacing[k] = h;
+            for l in 0..n {
+                let number = ((x(l, k) - low) / h).round();
+                if (x(l, k) - (low + number * h)).abs() > round_off + EXACT * h {
+                    return None;
+                }
+                of_point[l][k] = number as i64;
+            }
+        }
+        Some(Numbers { spacing, of_point })
+    }
+}
