@@ -6,8 +6,9 @@
 //! `K x_f = f` and `K x_q = ∂f/∂t` (the motion of prescribed dofs included), and `δt = (s − c·u − c_t t − c·x_f)/(c_t + c·x_q)`.
 //!
 //! **Arc length** (Riks 1979, Int. J. Solids Struct. 15; Keller 1977): `c` is the tangent of the path at the last state in the metric
-//! `ds² = (dt/T)² + (‖du‖_rms/L)²`, with T the range of loads and L the size of the body, and `s` a step along it: the correction runs in
-//! the plane normal to the predictor. Steps grow where few iterations are needed and shrink where many are, or where the path turns.
+//! `ds² = (dt/T)² + (‖du‖/U)²`, with T the range of loads and U the displacements (root of their mean square) that the first tangent gives
+//! for that range, or the largest so far where they are larger, and `s` a step along it: the correction runs in the plane normal to the
+//! predictor. Steps grow where few iterations are needed and shrink where many are, or where the path turns.
 //!
 //! **Displacement control**: `c·u` is a measure that the path must raise steadily, such as the deflection of a point; the load follows.
 //!
@@ -47,8 +48,8 @@ pub struct ArcLength {
     pub start: f64,
     /// Load at which the path ends when it is first reached (arc length); it sets the scale of loads in any case.
     pub end: f64,
-    /// First step, as a part of the whole range. With arc length a step of one changes the load by the whole range, or displacements (root
-    /// of their mean square) by the size of the body.
+    /// First step, as a part of the whole range. With arc length a step of one changes the load by the whole range, or displacements by
+    /// as much as they have changed so far.
     pub first_step: f64,
     /// Largest step, as above.
     pub largest_step: f64,
@@ -194,6 +195,9 @@ struct System<'a> {
     diagonal: Vec<f64>,
     /// Metric: `ds² = a_t dt² + a_u du·du`.
     metric: [f64; 2],
+    /// U of the metric, and the size of the body, which it does not exceed.
+    displacement: f64,
+    size: f64,
     unstable: usize,
     load_norm: f64,
 }
@@ -273,6 +277,8 @@ impl ArcLength {
         if ahead < 0.0 {
             tangent.flip();
         }
+        let first = u.to_vec();
+        system.scale(rms(&tangent.u, None) / tangent.t.abs() * (self.end - self.start).abs(), &mut tangent);
         let mut unstable = system.unstable;
         let mut size = self.first_step.min(self.largest_step);
         let mut trial = u.to_vec();
@@ -376,6 +382,7 @@ impl ArcLength {
             (t, cuts, tangent) = (next_t, 0, next);
             u.copy_from_slice(&trial);
             path.load = t;
+            system.scale(rms(u, Some(&first)), &mut tangent);
             problem.accept(t, u).map_err(|stop| PathError::Stopped { load: t, stop })?;
             if observer.step(&report, problem, u, &[]) == ControlFlow::Break(()) {
                 path.ended = Ended::Observer;
@@ -391,6 +398,15 @@ impl ArcLength {
             size = (size * growth).min(self.largest_step);
         }
     }
+}
+
+/// Root of the mean square of a vector, or of its difference from another.
+fn rms(u: &[f64], from: Option<&[f64]>) -> f64 {
+    let square: f64 = match from {
+        Some(from) => u.iter().zip(from).map(|(a, b)| (a - b) * (a - b)).sum(),
+        None => vector::dot(u, u),
+    };
+    (square / u.len().max(1) as f64).sqrt()
 }
 
 /// Extremum of a load between two states `distance` apart, from its values and slopes there (the zero of the linear slope).
@@ -433,10 +449,24 @@ impl<'a> System<'a> {
             from_force: zeros(),
             from_load: zeros(),
             diagonal: zeros(),
-            metric: [(options.end - options.start).powi(-2), 1.0 / (points as f64 * size * size)],
+            metric: [(options.end - options.start).powi(-2), 1.0 / (n.max(1) as f64 * size * size)],
+            displacement: 0.0,
+            size,
             unstable: 0,
             load_norm: 0.0,
         }
+    }
+
+    /// Displacements as large as this have been met: the metric follows, and the tangent is of unit length in it again.
+    fn scale(&mut self, displacement: f64, tangent: &mut Tangent) {
+        let displacement = displacement.min(self.size);
+        if displacement > self.displacement {
+            self.displacement = displacement;
+            self.metric[1] = 1.0 / (tangent.u.len() as f64 * displacement * displacement);
+        }
+        let length = self.product(tangent, tangent).sqrt();
+        tangent.u.iter_mut().for_each(|x| *x /= length);
+        tangent.t /= length;
     }
 
     /// Scalar product of two tangents in the metric.

@@ -13,6 +13,13 @@ use rayon::prelude::*;
 use solvers::sparse::{BlockMatrix, BlockPattern, FamilyList};
 use std::sync::Arc;
 
+/// In space the plastic part of a turning angle is a vector across the axis of the pair. Rotations of the body turn it along, but how much
+/// it spins about that axis three points do not tell: it would not be objective.
+const PLASTIC_IN_SPACE: ThinError = ThinError::Unsupported {
+    what: "plastic pairs are for displacements across the body or in a plane: in space their plastic angle is a vector whose turning about the axis of the pair three points do not tell",
+    remedy: "use transverse or planar displacements, an elastic law, or a shell, whose pairs measure the curvature along its normal",
+};
+
 /// Families of a chunk.
 const CHUNK: usize = 1024;
 
@@ -40,6 +47,10 @@ pub struct Thin<const D: usize> {
     pub(crate) isotropic: Vec<f64>,
     pub(crate) measure: Vec<f64>,
     pub(crate) law: Law,
+    /// Laws of the points where they differ; else empty.
+    pub(crate) laws: Vec<Law>,
+    /// What a stress-free shape other than the straight one takes off angles and extensions.
+    pub(crate) rest: Option<Rest>,
     pub(crate) kinematics: Kinematics,
     pub(crate) extension: Option<Extension>,
     pub(crate) prestress: Option<Prestress>,
@@ -47,6 +58,13 @@ pub struct Thin<const D: usize> {
     members: Option<Arc<FamilyList>>,
     pattern: Option<Arc<BlockPattern>>,
     chunks: Vec<Chunk>,
+}
+
+/// Angles of pairs and extensions of bonds in the stress-free shape.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Rest {
+    pub(crate) angles: Vec<f64>,
+    pub(crate) extensions: Vec<f64>,
 }
 
 /// A run of families with the rows of the points they touch.
@@ -102,10 +120,7 @@ impl<const D: usize> Thin<D> {
         kinematics: Kinematics,
     ) -> Result<Self, ThinError> {
         if D == 3 && !matches!(law, Law::Elastic(_)) {
-            return Err(ThinError::Unsupported {
-                what: "plastic pairs are for displacements across the body or in a plane: in space their plastic angle is a vector",
-                remedy: "use transverse or planar displacements, or an elastic law",
-            });
+            return Err(PLASTIC_IN_SPACE);
         }
         let n = pairs.len();
         Ok(Thin {
@@ -119,6 +134,8 @@ impl<const D: usize> Thin<D> {
             isotropic,
             measure,
             law,
+            laws: vec![],
+            rest: None,
             kinematics,
             extension: None,
             prestress: None,
@@ -165,7 +182,73 @@ impl<const D: usize> Thin<D> {
 
     /// Whether every angle is linear in the displacements and every pair elastic, so that energies are quadratic.
     pub fn is_linear(&self) -> bool {
-        D == 1 && self.kinematics == Kinematics::Small && self.law == Law::Elastic(Potential::Square)
+        let linear = |law: &Law| *law == Law::Elastic(Potential::Square);
+        D == 1 && self.kinematics == Kinematics::Small && linear(&self.law) && self.laws.iter().all(linear) && self.rest.is_none()
+    }
+
+    /// The law of the pairs of a point.
+    pub fn law_of(&self, point: usize) -> Law {
+        self.laws.get(point).copied().unwrap_or(self.law)
+    }
+
+    /// Whether plastic angles are kept.
+    pub fn has_history(&self) -> bool {
+        self.law.has_history() || self.laws.iter().any(|l| l.has_history())
+    }
+
+    /// Gives each point its own law, limits as they are.
+    ///
+    /// # Errors
+    /// [`ThinError::Length`]; [`ThinError::Unsupported`] for plastic pairs in space.
+    pub fn set_laws(&mut self, laws: Vec<Law>) -> Result<(), ThinError> {
+        if laws.len() != self.points() {
+            return Err(ThinError::Length { what: "laws", expected: self.points(), found: laws.len() });
+        }
+        if D == 3 && laws.iter().any(|l| !matches!(l, Law::Elastic(_))) {
+            return Err(PLASTIC_IN_SPACE);
+        }
+        self.laws = laws;
+        self.plastic = vec![0.0; if self.has_history() { self.pairs.len() } else { 0 }];
+        Ok(())
+    }
+
+    /// Makes the shape at displacement `u` the one free of stress: an initially bent beam, whose pairs keep the angles that they have
+    /// there, and whose bonds their lengths. Stiffnesses stay those of the straight lattice, so the shape must be shallow: they are wrong
+    /// by the square of its slope.
+    ///
+    /// # Errors
+    /// [`ThinError::Unsupported`] in space, where turning angles have no sign; [`ThinError::Length`].
+    pub fn relax_at(&mut self, u: &[f64]) -> Result<(), ThinError> {
+        if D == 3 {
+            return Err(ThinError::Unsupported {
+                what: "a stress-free shape needs angles with a sign, which pairs in space do not have",
+                remedy: "use planar or transverse displacements, or a shell",
+            });
+        }
+        if u.len() != self.points() * D {
+            return Err(ThinError::Length { what: "stress-free shape", expected: self.points() * D, found: u.len() });
+        }
+        self.rest = None;
+        let mut rest = Rest { angles: vec![0.0; self.pairs.len()], extensions: vec![] };
+        for point in 0..self.points() {
+            self.angles(point, u, &mut rest.angles[self.starts[point]..self.starts[point + 1]]);
+            if let Some(extension) = &self.extension {
+                let centre = self.ends.value(point as u32, u);
+                for b in &extension.bonds[extension.starts[point]..extension.starts[point + 1]] {
+                    let mut eta = self.ends.value(b.end, u);
+                    (0..D).for_each(|k| eta[k] -= centre[k]);
+                    let arm = &self.arms[b.arm as usize];
+                    rest.extensions.push(stretch(&arm.vector, b.sign, arm.length, &eta).extension);
+                }
+            }
+        }
+        self.rest = Some(rest);
+        Ok(())
+    }
+
+    /// Whether the reference state is not straight and free of stress.
+    pub(crate) fn is_prestrained(&self) -> bool {
+        self.rest.is_some() || self.plastic.iter().any(|p| *p != 0.0)
     }
 
     /// Bytes of the pairs and their ends.
@@ -187,7 +270,7 @@ impl<const D: usize> Thin<D> {
             intact: &self.intact[range.clone()],
             plastic: if self.plastic.is_empty() { &[] } else { &self.plastic[range] },
             isotropic: self.isotropic[point],
-            law: self.law,
+            law: self.law_of(point),
         }
     }
 
@@ -202,8 +285,8 @@ impl<const D: usize> Thin<D> {
         (p, m)
     }
 
-    fn potential(&self) -> Potential {
-        match self.law {
+    fn potential(&self, point: usize) -> Potential {
+        match self.law_of(point) {
             Law::Elastic(p) => p,
             _ => Potential::Square,
         }
@@ -212,7 +295,7 @@ impl<const D: usize> Thin<D> {
     /// Turning angles of the pairs of a point (magnitudes in space).
     fn angles(&self, point: usize, u: &[f64], out: &mut [f64]) {
         let centre = self.ends.value(point as u32, u);
-        for (pair, angle) in self.pairs_of(point).iter().zip(out) {
+        for (pair, angle) in self.pairs_of(point).iter().zip(out.iter_mut()) {
             let (p, m) = self.differences(pair, &centre, u);
             let arm = &self.arms[pair.arm as usize];
             *angle = if D == 3 {
@@ -220,6 +303,10 @@ impl<const D: usize> Thin<D> {
             } else {
                 angle::turning(self.kinematics, &arm.vector, arm.length, &p, &m).angle
             };
+        }
+        // (in space there is no stress-free shape but the straight one)
+        if let Some(rest) = &self.rest {
+            (self.starts[point]..self.starts[point + 1]).zip(out.iter_mut()).for_each(|(q, angle)| *angle -= rest.angles[q]);
         }
     }
 
@@ -258,21 +345,26 @@ impl<const D: usize> Thin<D> {
         if let Some(extension) = &self.extension {
             let range = extension.starts[point]..extension.starts[point + 1];
             let c = extension.dilatational[point];
-            let at = |b: &crate::extension::ExtensionBond| {
+            let at = |q: usize| {
+                let b = &extension.bonds[q];
                 let mut eta = self.ends.value(b.end, u);
                 (0..D).for_each(|k| eta[k] -= centre[k]);
                 let arm = &self.arms[b.arm as usize];
-                stretch(&arm.vector, b.sign, arm.length, &eta)
+                let mut y = stretch(&arm.vector, b.sign, arm.length, &eta);
+                if let Some(rest) = &self.rest {
+                    y.extension -= rest.extensions[q];
+                }
+                y
             };
             let mut theta = 0.0;
             if c != 0.0 {
-                for b in &extension.bonds[range.clone()] {
-                    theta += b.dilatation * at(b).extension;
+                for q in range.clone() {
+                    theta += extension.bonds[q].dilatation * at(q).extension;
                 }
             }
             energy += c * theta * theta;
-            for b in &extension.bonds[range] {
-                let y = at(b);
+            for q in range {
+                let (b, y) = (&extension.bonds[q], at(q));
                 energy += 0.5 * b.stiffness * y.extension * y.extension;
                 if let Some((rows, first)) = &mut rows {
                     let pull = b.stiffness * y.extension + 2.0 * c * theta * b.dilatation;
@@ -312,7 +404,7 @@ impl<const D: usize> Thin<D> {
         rows: &mut Option<(&mut [f64], usize)>,
         at_centre: &mut [f64; D],
     ) -> f64 {
-        let (mut energy, potential) = (0.0, self.potential());
+        let (mut energy, potential) = (0.0, self.potential(point));
         let range = self.starts[point]..self.starts[point + 1];
         let c = self.isotropic[point];
         let mut mean = [0.0; D];
@@ -551,7 +643,7 @@ impl<const D: usize> Thin<D> {
             }
         };
         if D == 3 {
-            let (potential, c) = (self.potential(), self.isotropic[point]);
+            let (potential, c) = (self.potential(point), self.isotropic[point]);
             let mut mean_rows = vec![[0.0; D]; if c != 0.0 { family.len() } else { 0 }];
             for (k, pair) in pairs.iter().enumerate() {
                 if !self.intact[self.starts[point] + k] {
@@ -633,17 +725,21 @@ impl<const D: usize> Thin<D> {
         if let Some(extension) = &self.extension {
             let range = extension.starts[point]..extension.starts[point + 1];
             let c = extension.dilatational[point];
-            let at = |b: &crate::extension::ExtensionBond| {
+            let at = |q: usize| {
+                let b = &extension.bonds[q];
                 let mut eta = self.ends.value(b.end, u);
                 (0..D).for_each(|k| eta[k] -= centre[k]);
                 let arm = &self.arms[b.arm as usize];
-                stretch(&arm.vector, b.sign, arm.length, &eta)
+                let mut y = stretch(&arm.vector, b.sign, arm.length, &eta);
+                if let Some(rest) = &self.rest {
+                    y.extension -= rest.extensions[q];
+                }
+                y
             };
-            let theta: f64 =
-                if c == 0.0 { 0.0 } else { extension.bonds[range.clone()].iter().map(|b| b.dilatation * at(b).extension).sum() };
+            let theta: f64 = if c == 0.0 { 0.0 } else { range.clone().map(|q| extension.bonds[q].dilatation * at(q).extension).sum() };
             outer.fill(0.0);
-            for b in &extension.bonds[range] {
-                let y = at(b);
+            for q in range {
+                let (b, y) = (&extension.bonds[q], at(q));
                 let over = (b.stiffness * y.extension + 2.0 * c * theta * b.dilatation) / y.length;
                 let h = |_: usize, i: usize, _: usize, j: usize| {
                     (b.stiffness - over) * y.direction[i] * y.direction[j] + if i == j { over } else { 0.0 }
@@ -672,7 +768,7 @@ impl<const D: usize> Thin<D> {
 
     /// Commits plastic angles at an accepted state.
     pub fn commit(&mut self, u: &[f64]) {
-        if !self.law.has_history() {
+        if !self.has_history() {
             return;
         }
         let mut plastic = std::mem::take(&mut self.plastic);
@@ -689,8 +785,11 @@ impl<const D: usize> Thin<D> {
                 intact: &self.intact[range.clone()],
                 plastic: &plastic[range.clone()],
                 isotropic: self.isotropic[point],
-                law: self.law,
+                law: self.law_of(point),
             };
+            if !family.law.has_history() {
+                continue;
+            }
             family.elastic_parts(&angles, &mut elastic);
             for (k, q) in range.enumerate() {
                 if self.intact[q] && elastic[k] != angles[k] - plastic[q] {
@@ -714,10 +813,12 @@ impl<const D: usize> Thin<D> {
             for point in k * CHUNK..self.points().min((k + 1) * CHUNK) {
                 angles.resize(self.pairs_of(point).len(), 0.0);
                 self.angles(point, u, &mut angles);
+                // elsewhere the limit is that of yielding
+                let breaks = matches!(self.law_of(point), Law::Elastic(_));
                 for (j, angle) in angles.iter().enumerate() {
                     let q = self.starts[point] + j;
                     let ratio = angle.abs() / self.pairs[q].limit;
-                    if self.intact[q] && ratio > 1.0 {
+                    if self.intact[q] && ratio > 1.0 && breaks {
                         found.push((q, ratio));
                     }
                 }

@@ -22,6 +22,7 @@ pub mod loads;
 pub mod pairs;
 pub mod plate;
 pub mod section;
+pub mod stability;
 pub mod stencil;
 pub mod structure;
 pub mod weights;

@@ -21,7 +21,7 @@
 //! The horizon is one spacing: the lattice then has no stiffness in twist, and no correction helps.
 
 use crate::angle::Kinematics;
-use crate::beam::{at, check_values};
+use crate::beam::{at, check_limits, check_values};
 use crate::body::{Arm, Thin};
 use crate::extension::{Extension, ExtensionBond, Prestress};
 use crate::layout::Layout;
@@ -144,8 +144,8 @@ impl Plate<'_> {
             });
         }
         match self.limit {
-            Limit::Angle(v) => check_values("limit angle", v, n),
-            Limit::Layers(v) => check_values("limit curvature", v, n),
+            Limit::Angle(v) => check_limits("limit angle", v, n),
+            Limit::Layers(v) => check_limits("limit curvature", v, n),
             Limit::None if matches!(self.law, Law::NonlinearElastic | Law::ElasticPlastic) => {
                 Err(ThinError::Unsupported { what: "a plastic law has no yield curvature", remedy: "give the limit" })
             }

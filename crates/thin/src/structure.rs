@@ -89,7 +89,7 @@ impl<const D: usize> ThinStructure<D> {
         if !data.density.is_empty() {
             crate::beam::check_values("mass per length or area", &data.density, n)?;
         }
-        if brittle.is_some() && body.law.has_history() {
+        if brittle.is_some() && body.law.has_history() && body.laws.is_empty() {
             return Err(ThinError::Unsupported { what: "pairs that yield and break at one angle", remedy: "choose plastic or brittle" });
         }
         let (mut fixed, mut prescribed) = (vec![false; n * D], vec![]);
@@ -359,6 +359,12 @@ impl<const D: usize> Statics for ThinStructure<D> {
     }
     fn tangent(&mut self, _: f64, u: &[f64], matrix: &mut BlockMatrix) -> Result<(), Stop> {
         self.body.tangent(u, matrix).map_err(stop)
+    }
+    fn tangent_change(&mut self, _: f64, u: &[f64], along: &[f64], matrix: &mut BlockMatrix) -> Result<bool, Stop> {
+        if u.iter().any(|x| *x != 0.0) {
+            return Ok(false);
+        }
+        self.body.tangent_change(along, matrix).map_err(stop)
     }
     fn block_diagonal(&mut self, _: f64, u: &[f64], blocks: &mut [f64]) -> Result<(), Stop> {
         self.body.block_diagonal(u, blocks).map_err(stop)
