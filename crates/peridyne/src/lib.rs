@@ -8,6 +8,7 @@
 pub mod cli;
 pub mod deck;
 mod figures;
+pub mod modes;
 pub mod output;
 pub mod point_file;
 pub mod problem;
