@@ -82,6 +82,12 @@ impl LinearSolution {
 /// Points along the longest row of a body.
 pub fn longest_row<const D: usize>(body: &Thin<D>) -> usize {
     let layout = body.layout();
+    if !layout.is_lattice() {
+        // as many spacings as fit on the diagonal
+        let extent = (0..3).map(|k| layout.positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x[k]), b.max(x[k]))));
+        let diagonal = extent.fold(0.0f64, |d, (low, high)| d.hypot(high - low));
+        return (diagonal / layout.spacing[0]) as usize + 1;
+    }
     (0..layout.dimension)
         .map(|r| {
             let (lo, hi) = (0..layout.len()).fold((i32::MAX, i32::MIN), |(a, b), p| (a.min(layout.cell(p)[r]), b.max(layout.cell(p)[r])));

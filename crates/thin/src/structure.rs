@@ -122,8 +122,11 @@ impl<const D: usize> ThinStructure<D> {
         let mass = (0..n * D).map(|q| density(q / D) * body.measure()[q / D]).collect();
         // coordinates along the rows: for orderings
         let layout = body.layout();
-        let d = layout.dimension;
-        let positions: Vec<f64> = (0..n * d).map(|q| f64::from(layout.cell(q / d)[q % d]) * layout.spacing[q % d]).collect();
+        let d = if layout.is_lattice() { layout.dimension } else { 3 };
+        let positions: Vec<f64> = match layout.is_lattice() {
+            true => (0..n * d).map(|q| f64::from(layout.cell(q / d)[q % d]) * layout.spacing[q % d]).collect(),
+            false => layout.positions.iter().flatten().copied().collect(),
+        };
         let size = (0..d)
             .map(|k| {
                 let (lo, hi) =
@@ -291,9 +294,11 @@ impl<const D: usize> ThinStructure<D> {
     }
 
     fn tensors(&self, of: &[Bending]) -> Vec<f64> {
-        let [a, b] = self.body.layout().rows;
+        let layout = self.body.layout();
         of.iter()
-            .flat_map(|m| {
+            .enumerate()
+            .flat_map(|(p, m)| {
+                let [a, b] = layout.axes.get(p).map_or(layout.rows, |axes| [axes[0], axes[1]]);
                 let mut t = [0.0; 9];
                 for i in 0..3 {
                     for j in 0..3 {
