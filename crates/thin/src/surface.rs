@@ -555,7 +555,7 @@ fn orient(positions: &[V3], mut normals: Vec<V3>, nearest: &[Vec<(f64, u32)>]) -
     let mut done = vec![false; n];
     // (flatness in parts of a million, so that ties are ties on every machine; from; to)
     let mut heap = std::collections::BinaryHeap::new();
-    let mut take = |p: usize, normals: &[V3], done: &mut [bool], heap: &mut std::collections::BinaryHeap<(i64, u32, u32)>| {
+    let take = |p: usize, normals: &[V3], done: &mut [bool], heap: &mut std::collections::BinaryHeap<(i64, u32, u32)>| {
         done[p] = true;
         for &q in &links[p] {
             if !done[q as usize] {
