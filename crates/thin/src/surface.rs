@@ -146,6 +146,49 @@ impl Surface {
         }
     }
 
+    /// The surface turned and shifted: a place x goes to `origin + Σ x_k axes[k]`, with unit vectors at right angles and right-handed.
+    ///
+    /// # Errors
+    /// [`ThinError::Unsupported`] for axes that are not.
+    pub fn moved(&self, origin: [f64; 3], axes: [[f64; 3]; 3]) -> Result<Self, ThinError> {
+        let square = (0..3).all(|i| (0..3).all(|j| (dot(&axes[i], &axes[j]) - f64::from(u8::from(i == j))).abs() < 1e-9));
+        if !square || dot(&cross(&axes[0], &axes[1]), &axes[2]) < 0.0 {
+            return Err(ThinError::Unsupported {
+                what: "axes that are not right-handed unit vectors at right angles",
+                remedy: "give three such vectors",
+            });
+        }
+        let turn = |v: &V3| [0, 1, 2].map(|k| (0..3).map(|i| v[i] * axes[i][k]).sum::<f64>());
+        let shift = |v: &V3| add_scaled(&turn(v), 1.0, &origin);
+        let mut s = self.clone();
+        s.positions.iter_mut().for_each(|x| *x = shift(x));
+        s.normals.iter_mut().for_each(|n| *n = turn(n));
+        s.binormal = turn(&self.binormal);
+        s.form = match &self.form {
+            Form::Plane => Form::Plane,
+            Form::Cylinder { centre, axis } => Form::Cylinder { centre: shift(centre), axis: turn(axis) },
+            Form::Sphere { centre } => Form::Sphere { centre: shift(centre) },
+            Form::Circle { centre } => Form::Circle { centre: shift(centre) },
+            Form::General { curvature } => {
+                // from the old tangents, turned, to the new ones
+                let turned = (0..s.len())
+                    .map(|p| {
+                        let (old, new) = (self.axes(p).map(|a| turn(&a)), s.axes(p));
+                        let [k11, k12, k22] = curvature[p];
+                        let r = [0, 1].map(|i| [0, 1].map(|j| dot(&new[i], &old[j])));
+                        let k = [[k11, k12], [k12, k22]];
+                        let entry = |a: usize, b: usize| -> f64 {
+                            (0..2).map(|i| (0..2).map(|j| r[a][i] * k[i][j] * r[b][j]).sum::<f64>()).sum()
+                        };
+                        [entry(0, 0), entry(0, 1), entry(1, 1)]
+                    })
+                    .collect();
+                Form::General { curvature: turned }
+            }
+        };
+        Ok(s)
+    }
+
     /// Edges of the triangulation that belong to one triangle: the boundary.
     pub fn boundary_edges(&self) -> Vec<[u32; 2]> {
         let mut count: HashMap<[u32; 2], (u32, [u32; 2])> = HashMap::new();
