@@ -127,7 +127,7 @@ impl Beam<'_> {
         let mut ends = Ends::<D>::new(n);
         let mut known = HashMap::new();
         let (mut starts, mut pairs) = (vec![0], vec![]);
-        let mut extension = Extension { starts: vec![0], bonds: vec![], dilatational: vec![0.0; n] };
+        let mut extension = Extension { starts: vec![0], dilatational: vec![0.0; n], ..Default::default() };
         for p in 0..n {
             let cell = layout.cell(p);
             let table = table(p);

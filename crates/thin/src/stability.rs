@@ -155,13 +155,12 @@ impl<const D: usize> Thin<D> {
             self.spread(place, &[pair.plus, pair.minus], centre, &h, width, terms, dense);
         }
         let Some(extension) = &self.extension else { return };
-        let range = extension.starts[point]..extension.starts[point + 1];
         let c = extension.dilatational[point];
         // rows of θ′ and of its rate over the dofs of the family
         let (mut theta, mut rate_of_theta) = (vec![0.0; width], vec![0.0; width]);
         let mut rate = 0.0;
         if c != 0.0 {
-            for b in &extension.bonds[range.clone()] {
+            for b in extension.family(point) {
                 let arm = &self.arms[b.arm as usize];
                 let n = stretch(&arm.vector, b.sign, arm.length, &[0.0; 3]).direction;
                 let w = difference(b.end);
@@ -178,7 +177,7 @@ impl<const D: usize> Thin<D> {
                 }
             }
         }
-        for b in &extension.bonds[range] {
+        for b in extension.family(point) {
             let arm = &self.arms[b.arm as usize];
             let n = stretch(&arm.vector, b.sign, arm.length, &[0.0; 3]).direction;
             let w = difference(b.end);
