@@ -121,7 +121,8 @@ fn compare<const D: usize>(size: [usize; D], horizon: f64, section: Section, rou
         const STEPS: usize = 4;
         for _ in 0..rounds {
             let (a, w) = (busy(), Instant::now());
-            let run = VelocityVerlet { time_step: 1e-6, end: motion.time + STEPS as f64 * 1e-6, observe_every: usize::MAX };
+            let run =
+                VelocityVerlet { time_step: 1e-6, end: motion.time + STEPS as f64 * 1e-6, observe_every: usize::MAX, following: None };
             run.run(&mut structure, &mut motion, &mut Silent, None).expect("a motion that can be followed");
             let b = busy();
             wall += w.elapsed().as_secs_f64();

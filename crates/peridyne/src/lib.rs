@@ -9,6 +9,7 @@ pub mod cli;
 pub mod deck;
 mod field_units;
 mod figures;
+pub mod modes;
 pub mod output;
 pub mod point_file;
 pub mod problem;

@@ -174,7 +174,8 @@ impl Problem {
             Solver::VelocityVerlet(v) => v.end.map(|q| q.value),
             Solver::Statics(s) => Some(s.end.value),
             Solver::DynamicRelaxation(s) => Some(s.end.value),
-            Solver::Spectrum(_) => None,
+            Solver::Buckling(b) => Some(b.end.value),
+            Solver::Vibration(_) | Solver::Spectrum(_) => None,
         }
     }
 }
@@ -551,7 +552,8 @@ fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>
         Solver::VelocityVerlet(v) => v.end.map_or(1.0, |e| e.value),
         Solver::Statics(s) => s.end.value,
         Solver::DynamicRelaxation(s) => s.end.value,
-        Solver::Spectrum(_) => 1.0,
+        Solver::Buckling(b) => b.end.value,
+        Solver::Vibration(_) | Solver::Spectrum(_) => 1.0,
     };
     type Seen<'a> = BTreeMap<(u32, usize), (usize, &'a Condition)>;
     let mut seen: Seen = BTreeMap::new();

@@ -872,6 +872,7 @@ pub fn initial_state(problem: &Problem, dofs: usize) -> (Vec<f64>, Vec<f64>) {
     let d = dofs / n.max(1);
     let component = |k: usize| if problem.thin && d == 1 { problem.section.dimension() } else { k };
     let (mut u, mut v) = (vec![0.0; n * d], vec![0.0; n * d]);
+    crate::thin_registry::stress_free_shape(problem, d, &mut u);
     for c in &problem.deck.conditions {
         let Some(set) = c.set() else { continue };
         for &p in problem.set(&set.value) {

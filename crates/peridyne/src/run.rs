@@ -2,6 +2,7 @@
 
 use crate::deck::{self, Auto, Deck, DeckErrors, FieldComponent, Moment, Solver};
 use crate::field_units::unit_of;
+use crate::modes;
 use crate::output::picture::{self, Deformation, Options, Range, Shown, View};
 use crate::output::plot::{Axis, Curve, Plot, Style};
 use crate::output::summary::{Constant, Exit, Sizes, Summary, Timing, Verdict};
@@ -14,6 +15,7 @@ use crate::spectrum;
 use crate::verify::{Measurement, Pending};
 use bodies::measures::FieldName;
 use bodies::structure::Simulated;
+use solvers::arc_length::{ArcLength, Control, Path as Followed, PathError};
 use solvers::dynamic_relaxation::{DynamicRelaxation, DynamicRelaxationOptions};
 use solvers::load_steps::{Equilibrium, LoadSteps, StaticsError};
 use solvers::newton::{LinearSolver, Newton, NewtonOptions};
@@ -203,9 +205,14 @@ pub fn run_keeping(
             let mut program = LoadSteps::uniform(0.0, options.end.value, options.load_steps.value as usize);
             program.smallest_fraction = options.smallest_step.value;
             recorder.span = (0.0, options.end.value);
-            let end = statics(&mut *model, &program, method, &mut u, &mut recorder, progress, cancel);
-            lost_digits = newton.linear_error();
-            end
+            if matches!(options.control, deck::Control::Load) {
+                let end = statics(&mut *model, &program, method, &mut u, &mut recorder, progress, cancel);
+                lost_digits = newton.linear_error();
+                end
+            } else {
+                let arc = path_options(&problem, options, &*model, threads);
+                follow(&mut *model, &arc, &mut u, &mut recorder, progress, cancel)
+            }
         }
         Solver::DynamicRelaxation(options) => {
             model.set_statics(true);
@@ -218,6 +225,23 @@ pub fn run_keeping(
             recorder.span = (0.0, options.end.value);
             statics(&mut *model, &program, &mut method, &mut u, &mut recorder, progress, cancel)
         }
+        Solver::Vibration(_) | Solver::Buckling(_) => match modes::solve(&problem, &mut *model, &u) {
+            Ok(modes) => {
+                let n = u.len();
+                recorder.found = modes.quantities();
+                recorder.warnings.extend(modes.warnings.iter().cloned());
+                if let Target::Folder(folder) = target {
+                    let mut table = History::create(&folder.join("modes.csv"), &modes.columns())?;
+                    modes.rows().iter().try_for_each(|row| table.append(row))?;
+                    recorder.shapes(&mut *model, &modes.shapes, n)?;
+                }
+                recorder.drawn = true;
+                recorder.last = (1.0, 1);
+                u.copy_from_slice(&modes.shapes[..n]);
+                (Exit::Completed { time: 1.0 }, modes.values.len())
+            }
+            Err(reason) => (Exit::Stopped { reason, time: 0.0 }, 0),
+        },
         Solver::Spectrum(options) => {
             let report = spectrum::analyse(&problem, &mut *model, &options.into()).map_err(RunError::Deck)?;
             if let Target::Folder(folder) = target {
@@ -406,6 +430,96 @@ fn statics(
     (exit, last.1)
 }
 
+/// What following a path needs, from the deck.
+fn path_options(problem: &Problem, options: &deck::Statics, model: &dyn Simulated, threads: usize) -> ArcLength {
+    let end = options.end.value;
+    let mut arc = ArcLength {
+        end,
+        tolerance: options.tolerance.value,
+        most_iterations: options.max_iterations.value as usize,
+        threads,
+        ..ArcLength::default()
+    };
+    match &options.control {
+        deck::Control::Load => {}
+        deck::Control::ArcLength(a) => {
+            (arc.first_step, arc.largest_step) = (a.first_step.value, a.largest_step.value);
+            arc.most_steps = a.most_steps.value as usize;
+            // loads at which something is expected are met exactly
+            let expected = problem.deck.expectations().chain(problem.deck.measures()).filter_map(|e| match e.moment() {
+                Moment::At(q) => Some(q.value),
+                _ => None,
+            });
+            arc.stations = expected.collect();
+            arc.stations.sort_by(f64::total_cmp);
+            arc.stations.dedup();
+        }
+        deck::Control::Displacement(c) => {
+            let points = problem.set(&c.over.value);
+            let d = Statics::dofs_per_point(model);
+            // where a body moves across alone that is its only component
+            let component = if d == 1 { 0 } else { c.along.index().min(d - 1) };
+            let weight = 1.0 / points.len().max(1) as f64;
+            let measure = points.iter().map(|&p| (p as usize * d + component, weight)).collect();
+            arc.control = Control::Displacement { measure, end: c.end.value };
+            arc.first_step = 1.0 / c.steps.value.max(1) as f64;
+            arc.largest_step = arc.first_step;
+            arc.most_steps = 1000 * c.steps.value.max(1) as usize;
+        }
+    }
+    arc
+}
+
+/// Follows a path of equilibria.
+fn follow(
+    model: &mut (dyn Simulated + 'static),
+    arc: &ArcLength,
+    u: &mut [f64],
+    recorder: &mut Recorder,
+    progress: &mut dyn Progress,
+    cancel: &AtomicBool,
+) -> (Exit, usize) {
+    let mut last = (arc.start, 0);
+    let rest = vec![0.0; u.len()];
+    recorder.frame(model, 0, 0.0, u, &rest);
+    let result = {
+        let mut observer = |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], _: &[f64]| {
+            last = (report.time, report.step);
+            recorder.step(model, report, u, &rest, progress)
+        };
+        arc.run(model, u, &mut observer, Some(cancel))
+    };
+    recorder.last_velocity = rest;
+    let exit = match result {
+        Ok(Followed { ended, limit_points, bifurcations, .. }) => {
+            recorder.found.push(("limit_points".into(), limit_points.len() as f64));
+            recorder.found.push(("bifurcations".into(), bifurcations.len() as f64));
+            for (k, p) in limit_points.iter().enumerate() {
+                recorder.found.push((format!("limit_load.{}", k + 1), p.load));
+            }
+            for (k, b) in bifurcations.iter().enumerate() {
+                recorder.found.push((format!("bifurcation_load.{}", k + 1), 0.5 * (b.between[0] + b.between[1])));
+            }
+            match ended {
+                Ended::Completed => Exit::Completed { time: last.0 },
+                _ => Exit::Stopped { reason: "stopped by the user".into(), time: last.0 },
+            }
+        }
+        Err(e) => {
+            let place = match &e {
+                PathError::Step { cause, .. } => cause.worst_dof().map(|dof| {
+                    let d = u.len() / recorder.points();
+                    let (id, x) = model.describe_dof(dof);
+                    format!("; worst at point {id} at ({:.6e}, {:.6e}, {:.6e}), direction {}", x[0], x[1], x[2], axis_name(dof % d))
+                }),
+                _ => None,
+            };
+            Exit::Stopped { reason: format!("{e}{}; the last good state was written", place.unwrap_or_default()), time: last.0 }
+        }
+    };
+    (exit, last.1)
+}
+
 /// Rows kept of the histories, for plots and expectations.
 struct Rows {
     columns: Vec<String>,
@@ -452,6 +566,12 @@ struct Recorder<'a> {
     failed: Option<OutputError>,
     /// Scalars of the run as a whole, for expectations.
     found: Vec<(String, f64)>,
+    /// Whether a path is followed: loads then rise and fall, every step has its row, and frames count steps.
+    path: bool,
+    /// Unstable modes of the last step of a path.
+    unstable: usize,
+    /// Whether frames and pictures have been made already.
+    drawn: bool,
 }
 
 impl<'a> Recorder<'a> {
@@ -476,6 +596,10 @@ impl<'a> Recorder<'a> {
         columns.extend(problem.deck.output.measures.iter().map(|m| m.name.value.clone()));
         for name in &conditions {
             columns.extend((0..problem.directions()).map(|k| format!("reaction.{name}.{}", axis_name(k))));
+        }
+        let path = matches!(&problem.deck.solver, Solver::Statics(s) if !matches!(s.control, deck::Control::Load));
+        if path {
+            columns.push("unstable_modes".into());
         }
         let history = match &folder {
             Some(f) => Some(History::create(&f.join("history.csv"), &columns.iter().map(String::as_str).collect::<Vec<_>>())?),
@@ -510,6 +634,9 @@ impl<'a> Recorder<'a> {
             warnings: vec![],
             failed: None,
             found: vec![],
+            path,
+            unstable: 0,
+            drawn: false,
         })
     }
 
@@ -541,8 +668,12 @@ impl<'a> Recorder<'a> {
         let t = report.time;
         self.last = (t, report.step as u64);
         // half a step of grace: the step nearest to the time asked for
-        let reached = |due: f64| t >= due - 0.5 * report.increment;
-        if reached(self.next_row) {
+        let path = self.path;
+        self.unstable = report.unstable_modes.unwrap_or(0);
+        let grace = if path { 1e-12 * t.abs() } else { 0.5 * report.increment };
+        let count = report.step as f64;
+        let reached = |due: f64| if path { count >= due } else { t >= due - grace };
+        if path || reached(self.next_row) {
             let row = self.scalars(model, report.step, t, u, &v);
             if let Some(h) = &mut self.history
                 && let Err(e) = h.append(&row)
@@ -552,12 +683,17 @@ impl<'a> Recorder<'a> {
             self.rows.rows.push(row);
             self.next_row = next_after(self.next_row, self.row_interval(), t, self.span.0);
         }
-        if self.folder.is_some() && reached(self.next_frame) && t < self.span.1 * (1.0 - 1e-12) {
-            self.frame(model, report.step as u64, t, u, &v);
-            self.next_frame = next_after(self.next_frame, self.frame_interval(), t, self.span.0);
+        if self.folder.is_some() && reached(self.next_frame) && (path || t < self.span.1 * (1.0 - 1e-12)) {
+            self.frame(model, report.step as u64, if path { count } else { t }, u, &v);
+            // a path has as many steps as it takes: frames become rarer
+            self.next_frame = if path {
+                count + (0.1 * count).max(1.0).floor()
+            } else {
+                next_after(self.next_frame, self.frame_interval(), t, self.span.0)
+            };
         }
-        self.measure_due(model, report.step, t, u, &v, Some(0.5 * report.increment));
-        self.keep_due(model, t, u, &v, Some(0.5 * report.increment));
+        self.measure_due(model, report.step, t, u, &v, Some(grace));
+        self.keep_due(model, t, u, &v, Some(grace));
         self.seconds += clock.elapsed().as_secs_f64();
         let share = ((t - self.span.0) / (self.span.1 - self.span.0)).clamp(0.0, 1.0);
         progress.at(share, &format!("step {}, time {t:.4e}", report.step));
@@ -661,7 +797,22 @@ impl<'a> Recorder<'a> {
             let r = model.resultant(c, t, u, Some(v));
             row.extend(&r[..self.problem.directions()]);
         }
+        if self.path {
+            row.push(self.unstable as f64);
+        }
         row
+    }
+
+    /// A frame for each of several shapes of `n` dofs, and all pictures of it.
+    fn shapes(&mut self, model: &mut dyn Simulated, shapes: &[f64], n: usize) -> Result<(), OutputError> {
+        let v = vec![0.0; n];
+        for (k, u) in shapes.chunks(n.max(1)).enumerate() {
+            let number = (k + 1) as f64;
+            self.frame(model, k as u64 + 1, number, u, &v);
+            let displacement = vectors(&model.field(FieldName::Displacement, 0.0, u, &v));
+            self.pictures(model, number, u, &v, &displacement, |m| !matches!(m, Moment::All), Some(k + 1))?;
+        }
+        Ok(())
     }
 
     fn frame(&mut self, model: &mut dyn Simulated, step: u64, t: f64, u: &[f64], v: &[f64]) {
@@ -751,7 +902,7 @@ impl<'a> Recorder<'a> {
         let clock = Instant::now();
         let (t, step) = self.last;
         let v = if self.last_velocity.len() == u.len() { std::mem::take(&mut self.last_velocity) } else { vec![0.0; u.len()] };
-        if self.rows.rows.last().is_none_or(|r| r[0] < t) {
+        if self.rows.rows.last().is_none_or(|r| if self.path { r[1] < step as f64 } else { r[0] < t }) {
             let row = self.scalars(model, step as usize, t, u, &v);
             if let Some(h) = &mut self.history {
                 h.append(&row)?;
@@ -771,10 +922,12 @@ impl<'a> Recorder<'a> {
         }
         self.keep_due(model, t, u, &v, None);
         if let Some(folder) = self.folder.clone() {
-            self.frame(model, step, t, u, &v);
             let displacement = vectors(&model.field(FieldName::Displacement, t, u, &v));
-            let at_end = |m: &Moment| !matches!(m, Moment::All);
-            self.pictures(model, t, u, &v, &displacement, at_end, None)?;
+            if !self.drawn {
+                self.frame(model, step, if self.path { step as f64 } else { t }, u, &v);
+                let at_end = |m: &Moment| !matches!(m, Moment::All);
+                self.pictures(model, t, u, &v, &displacement, at_end, None)?;
+            }
             let fields: Vec<Field> = self
                 .fields
                 .iter()

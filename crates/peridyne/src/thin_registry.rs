@@ -21,32 +21,94 @@ use thin::weights::Influence;
 
 type Checked<T> = Result<T, Vec<Issue>>;
 
+/// A material with its model.
+type Part<'a, M> = (&'a deck::Material, &'a M);
+
 /// Builds the beam or plate of a problem.
 pub fn assemble(problem: &Problem) -> Checked<Assembly> {
-    let deck = &problem.deck;
-    let mut materials = deck.materials.iter();
-    let Some((_, material)) = materials.next() else { return Err(vec![]) };
-    if let Some((name, _)) = materials.next() {
-        return Err(vec![Issue::new(
-            name.span,
-            "a beam or plate has one material",
-            "let its stiffness vary in space by expressions of x and y",
-        )]);
+    let materials = &problem.deck.materials;
+    let (mut beams, mut plates): (Vec<Part<BondPairBeam>>, Vec<Part<BondMultiplePlate>>) = (vec![], vec![]);
+    for (name, material) in materials.iter() {
+        if let Some(damage) = &material.damage {
+            return Err(vec![Issue::new(damage.span, "`damage` is for solids", "use `behavior: brittle` in the model of a beam or plate")]);
+        }
+        match &material.model {
+            Model::BondPairBeam(b) => beams.push((material, b)),
+            Model::BondMultiplePlate(p) => plates.push((material, p)),
+            _ => return Err(vec![Issue::new(name.span, "a solid does not mix with beams and plates", "use one kind of model")]),
+        }
     }
-    if let Some(damage) = &material.damage {
-        return Err(vec![Issue::new(damage.span, "`damage` is for solids", "use `behavior: brittle` in the model of a beam or plate")]);
+    let differ = |span: Span, what: &str| {
+        let message = format!("the materials of a beam or plate differ in {what}, which must be the same in the whole body");
+        vec![Issue::new(span, message, "let them differ in stiffness, section, thickness, limits, behavior and density")]
+    };
+    match (beams.as_slice(), plates.as_slice()) {
+        ([first, rest @ ..], []) => {
+            for (_, b) in rest {
+                let same = b.motion.name() == first.1.motion.name() && b.angle.name() == first.1.angle.name();
+                if !same || b.shape.is_some() {
+                    return Err(differ(b.span, "`motion`, `angle` or `shape` (give the shape in the first)"));
+                }
+            }
+            match first.1.motion {
+                BeamMotion::Transverse => beam::<1>(problem, &beams),
+                BeamMotion::Planar => beam::<2>(problem, &beams),
+                BeamMotion::Spatial => beam::<3>(problem, &beams),
+            }
+        }
+        ([], [first, rest @ ..]) => {
+            let of = |p: &BondMultiplePlate| {
+                let tension = p.tension.as_ref().map(|t| t.each_ref().map(|q| q.value));
+                let names = [p.motion.name(), p.angle.name(), p.influence.name(), p.isotropic_weight.name()];
+                (names, p.poisson_ratio.value, p.weight_correction, tension)
+            };
+            if let Some((_, p)) = rest.iter().find(|(_, p)| of(p) != of(first.1)) {
+                return Err(differ(p.span, "motion, angle, influence, Poisson ratio, tension or weights"));
+            }
+            match first.1.motion {
+                PlateMotion::Transverse => plate::<1>(problem, &plates),
+                PlateMotion::Spatial => plate::<3>(problem, &plates),
+            }
+        }
+        ([], []) => Err(vec![]),
+        ([beam, ..], _) => {
+            Err(vec![Issue::new(beam.1.span, "a beam and a plate in one body", "make a body of one kind; stiffeners are parts of a shell")])
+        }
     }
-    match &material.model {
-        Model::BondPairBeam(b) => match b.motion {
-            BeamMotion::Transverse => beam::<1>(problem, material, b),
-            BeamMotion::Planar => beam::<2>(problem, material, b),
-            BeamMotion::Spatial => beam::<3>(problem, material, b),
-        },
-        Model::BondMultiplePlate(p) => match p.motion {
-            PlateMotion::Transverse => plate::<1>(problem, material, p),
-            PlateMotion::Spatial => plate::<3>(problem, material, p),
-        },
-        _ => Err(vec![Issue::new(material.points.span, "the model is not one of thin bodies", "use one model")]),
+}
+
+/// Lists of values of several materials, each of one or all points, as one list: each point takes that of its material. Materials without a
+/// list have `missing`; `None` where no material has one.
+fn by_material(problem: &Problem, lists: Vec<Option<Vec<f64>>>, missing: f64) -> Option<Vec<f64>> {
+    if lists.len() == 1 {
+        return lists.into_iter().next().flatten();
+    }
+    if lists.iter().all(Option::is_none) {
+        return None;
+    }
+    let at = |p: usize| match &lists[problem.material[p] as usize] {
+        Some(list) => list[if list.len() == 1 { 0 } else { p }],
+        None => missing,
+    };
+    Some((0..problem.cloud.len()).map(at).collect())
+}
+
+/// Laws by point where materials differ; `None` where they do not.
+fn laws_by_point(problem: &Problem, laws: &[Law]) -> Option<Vec<Law>> {
+    (laws.iter().any(|l| *l != laws[0])).then(|| problem.material.iter().map(|m| laws[*m as usize]).collect())
+}
+
+/// The stress-free shape of a beam as displacements of its points.
+pub fn stress_free_shape(problem: &Problem, d: usize, u: &mut [f64]) {
+    for (_, material) in problem.deck.materials.iter() {
+        let Model::BondPairBeam(BondPairBeam { shape: Some(shape), .. }) = &material.model else { continue };
+        for (p, x) in problem.cloud.position.iter().enumerate() {
+            let [along, across] = [&shape.x, &shape.y].map(|f| f.as_ref().map_or(0.0, |f| f.eval(*x, 0.0)));
+            match d {
+                1 => u[p] = across,
+                _ => (u[p * d], u[p * d + 1]) = (along, across),
+            }
+        }
     }
 }
 
@@ -153,7 +215,7 @@ fn section_of(s: &CrossSection) -> Section {
     }
 }
 
-fn beam<const D: usize>(problem: &Problem, material: &deck::Material, b: &BondPairBeam) -> Checked<Assembly> {
+fn beam<const D: usize>(problem: &Problem, parts: &[Part<BondPairBeam>]) -> Checked<Assembly> {
     let layout = layout(problem, false)?;
     let horizon = problem.horizon[0];
     let count = (horizon / layout.spacing[0] * (1.0 + 1e-9)).floor() as usize;
@@ -166,142 +228,205 @@ fn beam<const D: usize>(problem: &Problem, material: &deck::Material, b: &BondPa
             "write for example `horizon: 3*dx`",
         )]);
     }
-    let properties: Option<Properties> =
-        b.cross_section.as_ref().map(|s| section_of(s).properties(count)).transpose().map_err(fault(b.span))?;
-    let weighting = match b.weights {
-        PairWeights::Layer => Weighting::Layer,
-        PairWeights::Uniform => Weighting::Uniform,
-        PairWeights::Width => Weighting::Width,
-        PairWeights::Thesis => Weighting::Thesis,
-    };
-    let plain = || -> Checked<Properties> { Section::Rectangle { width: 1.0, height: 1.0 }.properties(count).map_err(fault(b.span)) };
-    let mut arms: ArmTable = match &properties {
-        Some(p) => p.arms(weighting),
-        // without a section: one of constant width
-        None => plain()?.arms(weighting),
-    };
-    if brittle(&b.behavior).is_some() {
-        // pairs break at one angle, whatever their arm
-        arms.limit.fill(1.0);
+    let mut derived: Vec<Derived> = vec![("arms of a pair".into(), count as f64, "")];
+    let (mut tables, mut laws): (Vec<ArmTable>, Vec<Law>) = (vec![], vec![]);
+    let (mut bendings, mut axials, mut limits, mut masses) = (vec![], vec![], vec![], vec![]);
+    for (material, b) in parts {
+        let properties: Option<Properties> =
+            b.cross_section.as_ref().map(|s| section_of(s).properties(count)).transpose().map_err(fault(b.span))?;
+        let weighting = match b.weights {
+            PairWeights::Layer => Weighting::Layer,
+            PairWeights::Uniform => Weighting::Uniform,
+            PairWeights::Width => Weighting::Width,
+            PairWeights::Thesis => Weighting::Thesis,
+        };
+        let plain = || -> Checked<Properties> { Section::Rectangle { width: 1.0, height: 1.0 }.properties(count).map_err(fault(b.span)) };
+        let mut arms: ArmTable = match &properties {
+            Some(p) => p.arms(weighting),
+            // without a section: one of constant width
+            None => plain()?.arms(weighting),
+        };
+        if brittle(&b.behavior).is_some() {
+            // pairs break at one angle, whatever their arm
+            arms.limit.fill(1.0);
+        }
+        let young = b.youngs_modulus.as_ref().map(|f| values(f, problem));
+        let from_section = |moment: f64| young.as_ref().map(|e| e.iter().map(|e| e * moment).collect::<Vec<f64>>());
+        let given = b.bending_stiffness.as_ref().map(|f| values(f, problem));
+        let Some(bending) = given.or_else(|| properties.as_ref().and_then(|p| from_section(p.second_moment))) else {
+            return Err(vec![Issue::new(b.span, "the bending stiffness is not known", "give `bending_stiffness`")]);
+        };
+        let axial = b.axial_stiffness.as_ref().map(|f| values(f, problem));
+        let axial = axial.or_else(|| properties.as_ref().and_then(|p| from_section(p.area)));
+        if axial.is_none() && D > 1 {
+            return Err(vec![Issue::new(b.span, "the axial stiffness is not known", "give `axial_stiffness`, or `motion: transverse`")]);
+        }
+        let limit = match (&b.yield_stress, &b.limit_curvature, &young, &properties) {
+            (Some(stress), _, Some(young), Some(p)) => Some(combine(&values(stress, problem), young, |s, e| 2.0 * s / (e * p.height))),
+            (_, Some(curvature), ..) => Some(values(curvature, problem)),
+            _ => None,
+        };
+        derived.push(("bending stiffness EI".into(), bending[0], "force length^2"));
+        if let Some(p) = &properties {
+            derived.push(("second moment of the section".into(), p.second_moment, "length^4"));
+            derived.push(("plastic over yield moment of the section".into(), p.plastic_modulus / p.elastic_modulus, ""));
+        }
+        derived.push(("plastic over yield moment of the pairs".into(), arms.shape_factor(), ""));
+        if let Some(limit) = &limit {
+            derived.push(("yield moment".into(), bending[0] * limit[0], "force length"));
+        }
+        let area = properties.as_ref().map_or(problem.section.measure(), |p| p.area);
+        let density = material.density.as_ref().map_or(vec![1.0], |d| values(d, problem));
+        tables.push(arms);
+        laws.push(law(&b.behavior, &b.potential));
+        bendings.push(Some(bending));
+        axials.push(axial);
+        limits.push(limit);
+        masses.push(Some(combine(&density, &[area], |r, a| r * a)));
     }
-    let mut derived: Vec<Derived> = vec![];
-    let young = b.youngs_modulus.as_ref().map(|f| values(f, problem));
-    let from_section = |moment: f64| young.as_ref().map(|e| e.iter().map(|e| e * moment).collect::<Vec<f64>>());
-    let given = b.bending_stiffness.as_ref().map(|f| values(f, problem));
-    let Some(bending) = given.or_else(|| properties.as_ref().and_then(|p| from_section(p.second_moment))) else {
-        return Err(vec![Issue::new(b.span, "the bending stiffness is not known", "give `bending_stiffness`")]);
-    };
-    let axial = b.axial_stiffness.as_ref().map(|f| values(f, problem));
-    let axial = axial.or_else(|| properties.as_ref().and_then(|p| from_section(p.area)));
-    let limit = match (&b.yield_stress, &b.limit_curvature, &young, &properties) {
-        (Some(stress), _, Some(young), Some(p)) => Some(combine(&values(stress, problem), young, |s, e| 2.0 * s / (e * p.height))),
-        (_, Some(curvature), ..) => Some(values(curvature, problem)),
-        _ => None,
-    };
-    derived.push(("arms of a pair".into(), count as f64, ""));
-    derived.push(("bending stiffness EI".into(), bending[0], "force length^2"));
-    if let Some(p) = &properties {
-        derived.push(("second moment of the section".into(), p.second_moment, "length^4"));
-        derived.push(("plastic over yield moment of the section".into(), p.plastic_modulus / p.elastic_modulus, ""));
-    }
-    derived.push(("plastic over yield moment of the pairs".into(), arms.shape_factor(), ""));
-    if let Some(limit) = &limit {
-        derived.push(("yield moment".into(), bending[0] * limit[0], "force length"));
-    }
+    let first = parts[0].1;
     let measure = measure(problem);
-    let body: Thin<D> = Beam {
+    let bending = by_material(problem, bendings, 0.0).unwrap_or_default();
+    let axial = by_material(problem, axials, 0.0);
+    let limit = by_material(problem, limits, f64::INFINITY);
+    let by_point = laws_by_point(problem, &laws);
+    let beam = Beam {
         bending: &bending,
         axial: axial.as_deref(),
-        arms: &arms,
+        arms: &tables[0],
         limit_curvature: limit.as_deref(),
-        law: law(&b.behavior, &b.potential),
-        kinematics: kinematics(&b.angle),
+        law: laws[0],
+        kinematics: kinematics(&first.angle),
         measure: measure.as_deref(),
+    };
+    let mut body: Thin<D> = match parts.len() {
+        1 => beam.build(layout),
+        _ => beam.build_sections(layout, &tables, &problem.material),
     }
-    .build(layout)
-    .map_err(fault(b.span))?;
-    let area = properties.as_ref().map_or(problem.section.measure(), |p| p.area);
-    finish(problem, material, body, brittle(&b.behavior), vec![area], derived)
+    .map_err(fault(first.span))?;
+    if let Some(laws) = by_point {
+        body.set_laws(laws).map_err(fault(first.span))?;
+    }
+    if let Some(shape) = &first.shape {
+        if let deck::Solver::Statics(deck::Statics { linear: true, .. }) = &problem.deck.solver {
+            let help = "remove `linear: true`: the shape makes stiffness along and across depend on each other";
+            return Err(vec![Issue::new(shape.span, "a stress-free shape and a linear solution about the straight beam", help)]);
+        }
+        let mut u = vec![0.0; problem.cloud.len() * D];
+        stress_free_shape(problem, D, &mut u);
+        body.relax_at(&u).map_err(fault(shape.span))?;
+    }
+    let breaks = parts.iter().find_map(|(_, b)| brittle(&b.behavior));
+    let mass = by_material(problem, masses, 1.0).unwrap_or_default();
+    finish(problem, body, breaks, mass, derived)
 }
 
-fn plate<const D: usize>(problem: &Problem, material: &deck::Material, p: &BondMultiplePlate) -> Checked<Assembly> {
+fn plate<const D: usize>(problem: &Problem, parts: &[Part<BondMultiplePlate>]) -> Checked<Assembly> {
     let layout = layout(problem, true)?;
     let horizon = problem.horizon[0];
     if problem.horizon.iter().any(|h| (h / horizon - 1.0).abs() > 1e-9) {
         let span = problem.deck.body.horizon.span;
         return Err(vec![Issue::new(span, "a plate needs one horizon for all points", "write for example `horizon: 3*dx`")]);
     }
-    let nu = p.poisson_ratio.value;
-    let young = p.youngs_modulus.as_ref().map(|f| values(f, problem));
-    let thickness = p.thickness.as_ref().map(|f| values(f, problem));
-    let solid = young.as_ref().zip(thickness.as_ref());
-    let given = p.bending_stiffness.as_ref().map(|f| values(f, problem));
-    let Some(rigidity) = given.or_else(|| solid.map(|(e, h)| combine(e, h, |e, h| e * h.powi(3) / (12.0 * (1.0 - nu * nu))))) else {
-        return Err(vec![Issue::new(p.span, "the bending stiffness is not known", "give `bending_stiffness`")]);
-    };
-    let membrane = p.membrane_stiffness.as_ref().map(|f| values(f, problem));
-    let membrane = membrane.or_else(|| solid.map(|(e, h)| combine(e, h, |e, h| e * h)));
-    // a given tension needs a membrane stiffness only to share it among bonds: any will do
-    let membrane = membrane.or_else(|| p.tension.as_ref().filter(|_| D == 1).map(|_| vec![1.0]));
-    let curvature = match (&p.yield_stress, &p.limit_curvature, solid) {
-        (Some(stress), _, Some((e, h))) => {
-            let strain = combine(&values(stress, problem), e, |s, e| s / e);
-            Some(combine(&strain, h, |s, h| 2.0 * s / h))
+    let first = parts[0].1;
+    let nu = first.poisson_ratio.value;
+    let mut derived: Vec<Derived> = vec![];
+    let mut laws: Vec<Law> = vec![];
+    let (mut rigidities, mut membranes, mut curvatures, mut angles, mut masses) = (vec![], vec![], vec![], vec![], vec![]);
+    for (material, p) in parts {
+        let young = p.youngs_modulus.as_ref().map(|f| values(f, problem));
+        let thickness = p.thickness.as_ref().map(|f| values(f, problem));
+        let solid = young.as_ref().zip(thickness.as_ref());
+        let given = p.bending_stiffness.as_ref().map(|f| values(f, problem));
+        let Some(rigidity) = given.or_else(|| solid.map(|(e, h)| combine(e, h, |e, h| e * h.powi(3) / (12.0 * (1.0 - nu * nu))))) else {
+            return Err(vec![Issue::new(p.span, "the bending stiffness is not known", "give `bending_stiffness`")]);
+        };
+        let membrane = p.membrane_stiffness.as_ref().map(|f| values(f, problem));
+        let membrane = membrane.or_else(|| solid.map(|(e, h)| combine(e, h, |e, h| e * h)));
+        if membrane.is_none() && D > 1 {
+            return Err(vec![Issue::new(p.span, "the membrane stiffness is not known", "give `membrane_stiffness`")]);
         }
-        (_, Some(curvature), _) => Some(values(curvature, problem)),
-        _ => None,
-    };
-    let angle = p.limit_angle.as_ref().map(|f| values(f, problem));
-    // brittle pairs break at one angle, that of the horizon
-    let angle = match (&curvature, brittle(&p.behavior)) {
-        (Some(curvature), Some(_)) => Some(curvature.iter().map(|c| c * horizon).collect()),
-        _ => angle,
-    };
+        // a given tension needs a membrane stiffness only to share it among bonds: any will do
+        let membrane = membrane.or_else(|| p.tension.as_ref().filter(|_| D == 1).map(|_| vec![1.0]));
+        let curvature = match (&p.yield_stress, &p.limit_curvature, solid) {
+            (Some(stress), _, Some((e, h))) => {
+                let strain = combine(&values(stress, problem), e, |s, e| s / e);
+                Some(combine(&strain, h, |s, h| 2.0 * s / h))
+            }
+            (_, Some(curvature), _) => Some(values(curvature, problem)),
+            _ => None,
+        };
+        let angle = p.limit_angle.as_ref().map(|f| values(f, problem));
+        // brittle pairs break at one angle, that of the horizon
+        let angle = match (&curvature, brittle(&p.behavior)) {
+            (Some(curvature), Some(_)) => Some(curvature.iter().map(|c| c * horizon).collect()),
+            _ => angle,
+        };
+        derived.push(("bending stiffness D".into(), rigidity[0], "force length"));
+        if let (Some(c), None) = (&curvature, &angle) {
+            derived.push(("plastic moment of a strip".into(), 1.5 * rigidity[0] * (1.0 - nu * nu) * c[0], "force"));
+        }
+        let thickness = thickness.unwrap_or_else(|| vec![problem.section.measure()]);
+        let density = material.density.as_ref().map_or(vec![1.0], |d| values(d, problem));
+        laws.push(law(&p.behavior, &p.potential));
+        rigidities.push(Some(rigidity));
+        membranes.push(membrane);
+        curvatures.push(if angle.is_some() { None } else { curvature });
+        angles.push(angle);
+        masses.push(Some(combine(&density, &thickness, |r, h| r * h)));
+    }
+    let rigidity = by_material(problem, rigidities, 0.0).unwrap_or_default();
+    let membrane = by_material(problem, membranes, 1.0);
+    let curvature = by_material(problem, curvatures, f64::INFINITY);
+    let angle = by_material(problem, angles, f64::INFINITY);
     let limit = match (&angle, &curvature) {
+        (Some(_), Some(_)) => {
+            let help = "give both materials a `limit_angle`, or both a curvature or yield stress, of the same kind of behavior";
+            return Err(vec![Issue::new(first.span, "limits by angle and by layers in one plate", help)]);
+        }
         (Some(angle), _) => Limit::Angle(angle),
         (None, Some(curvature)) => Limit::Layers(curvature),
         _ => Limit::None,
     };
-    let mut derived: Vec<Derived> = vec![("bending stiffness D".into(), rigidity[0], "force length")];
-    if let (Some(c), None) = (&curvature, &angle) {
-        derived.push(("plastic moment of a strip".into(), 1.5 * rigidity[0] * (1.0 - nu * nu) * c[0], "force"));
-    }
     let measure = measure(problem);
-    let body: Thin<D> = Plate {
+    let mut body: Thin<D> = Plate {
         horizon,
         rigidity: &rigidity,
         poisson: nu,
         membrane: membrane.as_deref(),
-        influence: match p.influence {
+        influence: match first.influence {
             PlateInfluence::Constant => Influence::Constant,
             PlateInfluence::Length => Influence::Linear,
             PlateInfluence::InverseLength => Influence::Inverse,
             PlateInfluence::Cone => Influence::Conical,
         },
-        correction: p.weight_correction,
-        isotropic: match p.isotropic_weight {
+        correction: first.weight_correction,
+        isotropic: match first.isotropic_weight {
             deck::IsotropicWeight::Energy => IsotropicWeight::Energy,
             deck::IsotropicWeight::Thesis => IsotropicWeight::Thesis,
         },
         limit,
-        law: law(&p.behavior, &p.potential),
-        kinematics: kinematics(&p.angle),
-        tension: p.tension.as_ref().map(|t| t.each_ref().map(|q| q.value)),
+        law: laws[0],
+        kinematics: kinematics(&first.angle),
+        tension: first.tension.as_ref().map(|t| t.each_ref().map(|q| q.value)),
         measure: measure.as_deref(),
     }
     .build(layout)
-    .map_err(fault(p.span))?;
-    let thickness = thickness.unwrap_or_else(|| vec![problem.section.measure()]);
-    finish(problem, material, body, brittle(&p.behavior), thickness, derived)
+    .map_err(fault(first.span))?;
+    if let Some(laws) = laws_by_point(problem, &laws) {
+        body.set_laws(laws).map_err(fault(first.span))?;
+    }
+    let breaks = parts.iter().find_map(|(_, p)| brittle(&p.behavior));
+    let mass = by_material(problem, masses, 1.0).unwrap_or_default();
+    finish(problem, body, breaks, mass, derived)
 }
 
-/// Conditions, masses, cracks.
+/// Conditions, masses (per length or area), cracks.
 fn finish<const D: usize>(
     problem: &Problem,
-    material: &deck::Material,
     mut body: Thin<D>,
     brittle: Option<Brittle>,
-    across: Vec<f64>,
+    mass: Vec<f64>,
     mut derived: Vec<Derived>,
 ) -> Checked<Assembly> {
     let mut warnings = vec![];
@@ -313,13 +438,7 @@ fn finish<const D: usize>(
             warnings.push("the cracks cut no pair: check their place".into());
         }
     }
-    let density = material.density.as_ref().map_or(vec![1.0], |d| values(d, problem));
-    let data = PointData {
-        id: problem.cloud.id.clone(),
-        user: problem.user.clone(),
-        material: problem.material.clone(),
-        density: combine(&density, &across, |r, a| r * a),
-    };
+    let data = PointData { id: problem.cloud.id.clone(), user: problem.user.clone(), material: problem.material.clone(), density: mass };
     let conditions = conditions(problem, &body)?;
     let structure =
         ThinStructure::new(body, data, conditions, brittle, problem.end().unwrap_or(0.0)).map_err(fault(problem.deck.body.span))?;

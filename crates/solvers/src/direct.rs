@@ -1,4 +1,4 @@
-//! Sparse Cholesky for assembled symmetric positive definite systems.
+//! Sparse Cholesky for assembled symmetric positive definite systems, and `L B Lᵀ` of indefinite ones.
 //!
 //! The fixed dofs are eliminated, the points ordered by geometric nested dissection or by approximate minimum degree (whichever fills
 //! less), and the factor is computed by the supernodal kernels of `faer`. The symbolic work is done once per pattern and set of fixed
@@ -7,7 +7,9 @@
 use std::sync::Arc;
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::cholesky::lblt::factor::LbltParams;
 use faer::linalg::cholesky::llt::factor::{LltError, LltParams, LltRegularization};
+use faer::perm::PermRef;
 use faer::prelude::ReborrowMut;
 use faer::sparse::linalg::amd;
 use faer::sparse::linalg::cholesky::{simplicial, supernodal};
@@ -29,6 +31,15 @@ pub enum DirectError {
     )]
     NotPositiveDefinite {
         /// Dof of the first pivot that is not positive, in the numbering of the whole problem.
+        dof: usize,
+    },
+    /// A pivot of an indefinite matrix vanishes.
+    #[error(
+        "the stiffness is singular (pivot at dof {dof}): a part of the body is free to move (add supports), or the state is exactly \
+         critical (change the step a little)"
+    )]
+    Singular {
+        /// Dof of the pivot, in the numbering of the whole problem.
         dof: usize,
     },
     /// The factor does not fit.
@@ -83,7 +94,7 @@ const UNSETTLED: f64 = 1e-2;
 /// A pivot that elimination has reduced to less than this part of its diagonal entry is all round-off: the matrix is singular.
 const SINGULAR: f64 = 8.0 * f64::EPSILON;
 
-/// Factor `P A Pᵀ = L Lᵀ` of the free part of a [`BlockMatrix`].
+/// Factor `P A Pᵀ = L Lᵀ` (or `L B Lᵀ`) of the free part of a [`BlockMatrix`].
 pub struct SparseCholesky {
     pattern: Arc<BlockPattern>,
     fixed: Vec<bool>,
@@ -99,6 +110,12 @@ pub struct SparseCholesky {
     symbolic: Option<supernodal::SymbolicSupernodalCholesky<usize>>,
     factor: Vec<f64>,
     factored: bool,
+    /// The factor is `L B Lᵀ`, with these entries of `B` off its diagonal, and rows exchanged within supernodes (there and back).
+    indefinite: bool,
+    off_diagonal: Vec<f64>,
+    pivoting: [Vec<usize>; 2],
+    permuted: Vec<f64>,
+    room_for_indefinite: bool,
     /// Row whose pivot is smallest relative to its diagonal entry.
     weakest: usize,
     memory: Option<MemBuffer>,
@@ -175,6 +192,11 @@ impl SparseCholesky {
             symbolic: None,
             factor: Vec::new(),
             factored: false,
+            indefinite: false,
+            off_diagonal: Vec::new(),
+            pivoting: Default::default(),
+            permuted: Vec::new(),
+            room_for_indefinite: false,
             weakest: 0,
             memory: None,
             right: vec![0.0; dofs],
@@ -240,22 +262,10 @@ impl SparseCholesky {
     /// # Panics
     /// Where the matrix has another pattern than the one analysed.
     pub fn factor(&mut self, matrix: &BlockMatrix, addition: Option<&[f64]>) -> Result<(), DirectError> {
-        assert!(Arc::ptr_eq(matrix.pattern(), &self.pattern), "the matrix must share the analysed pattern");
-        self.factored = false;
-        let n = self.dof.len();
-        if n == 0 {
-            self.factored = true;
+        if !self.take_values(matrix, addition) {
             return Ok(());
         }
-        let source = matrix.values();
-        for (value, &from) in self.values.iter_mut().zip(&self.sources) {
-            *value = source[from as usize];
-        }
-        if let Some(addition) = addition {
-            for k in 0..n {
-                self.values[self.starts[k]] += addition[self.dof[k] as usize];
-            }
-        }
+        let n = self.dof.len();
         // A pivot that is NaN is not reliably refused by the dense kernels.
         for k in 0..n {
             let pivot = self.values[self.starts[k]];
@@ -263,18 +273,9 @@ impl SparseCholesky {
                 return Err(DirectError::NotPositiveDefinite { dof: self.dof[k] as usize });
             }
         }
+        self.reserve(false)?;
         let par = parallelism(self.threads);
         let symbolic = self.symbolic.as_ref().expect("set by `analyze`");
-        let out_of_memory = DirectError::OutOfMemory { dofs: n, values: symbolic.len_val() };
-        if self.factor.is_empty() {
-            // asked for twice, because only the second way gets pages that are zero without being written
-            Vec::<f64>::new().try_reserve_exact(symbolic.len_val()).map_err(|_| out_of_memory.clone())?;
-            self.factor = vec![0.0; symbolic.len_val()];
-            let params: Spec<LltParams, f64> = Default::default();
-            let request = supernodal::factorize_supernodal_numeric_llt_scratch::<usize, f64>(symbolic, par, params)
-                .or(symbolic.solve_in_place_scratch::<f64>(1, par));
-            self.memory = Some(MemBuffer::try_new(request).map_err(|_| out_of_memory)?);
-        }
         let stack = MemStack::new(self.memory.as_mut().expect("allocated with the factor"));
         let pattern = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &self.starts, None, &self.rows);
         let lower = SparseColMatRef::new(pattern, &self.values);
@@ -297,22 +298,144 @@ impl SparseCholesky {
         Ok(())
     }
 
-    /// The row whose pivot is smallest relative to its diagonal entry before elimination, and that ratio.
-    fn weakest_pivot(&self) -> (usize, f64) {
+    /// Takes the values of a matrix into the reduced one; `false` where no dof is free and nothing is left to do.
+    fn take_values(&mut self, matrix: &BlockMatrix, addition: Option<&[f64]>) -> bool {
+        assert!(Arc::ptr_eq(matrix.pattern(), &self.pattern), "the matrix must share the analysed pattern");
+        (self.factored, self.indefinite) = (false, false);
+        let n = self.dof.len();
+        if n == 0 {
+            self.factored = true;
+            return false;
+        }
+        let source = matrix.values();
+        for (value, &from) in self.values.iter_mut().zip(&self.sources) {
+            *value = source[from as usize];
+        }
+        if let Some(addition) = addition {
+            for k in 0..n {
+                self.values[self.starts[k]] += addition[self.dof[k] as usize];
+            }
+        }
+        true
+    }
+
+    /// Makes room for a factor.
+    fn reserve(&mut self, indefinite: bool) -> Result<(), DirectError> {
+        let par = parallelism(self.threads);
+        let symbolic = self.symbolic.as_ref().expect("set by `analyze`");
+        let out_of_memory = DirectError::OutOfMemory { dofs: self.dof.len(), values: symbolic.len_val() };
+        if self.factor.is_empty() {
+            // asked for twice, because only the second way gets pages that are zero without being written
+            Vec::<f64>::new().try_reserve_exact(symbolic.len_val()).map_err(|_| out_of_memory.clone())?;
+            self.factor = vec![0.0; symbolic.len_val()];
+        } else if self.memory.is_some() && (!indefinite || self.room_for_indefinite) {
+            return Ok(());
+        }
+        let solve = symbolic.solve_in_place_scratch::<f64>(1, par);
+        let (llt, lblt): (Spec<LltParams, f64>, Spec<LbltParams, f64>) = Default::default();
+        let mut request = supernodal::factorize_supernodal_numeric_llt_scratch::<usize, f64>(symbolic, par, llt).or(solve);
+        if indefinite {
+            request = request.or(supernodal::factorize_supernodal_numeric_intranode_lblt_scratch::<usize, f64>(symbolic, par, lblt));
+            self.off_diagonal.resize(self.dof.len(), 0.0);
+            self.permuted.resize(self.dof.len(), 0.0);
+            self.pivoting.iter_mut().for_each(|p| p.resize(self.dof.len(), 0));
+        }
+        self.memory = Some(MemBuffer::try_new(request).map_err(|_| out_of_memory)?);
+        self.room_for_indefinite = indefinite;
+        Ok(())
+    }
+
+    /// Factors a symmetric matrix that need not be positive definite, `P A Pᵀ = L B Lᵀ` with blocks of one or two pivots in `B` (Bunch and
+    /// Kaufman 1977, Math. Comp. 31), and returns the number of its negative eigenvalues (Sylvester's law of inertia): 0 where an
+    /// equilibrium is stable.
+    ///
+    /// Pivots are chosen within supernodes, so the fill is that of the analysis; where that does not suffice, digits are lost, which
+    /// [`solve`](Self::solve) refines or tells.
+    ///
+    /// # Errors
+    /// [`DirectError::Singular`] where a pivot vanishes; [`DirectError::OutOfMemory`].
+    ///
+    /// # Panics
+    /// Where the matrix has another pattern than the one analysed.
+    pub fn factor_indefinite(&mut self, matrix: &BlockMatrix, addition: Option<&[f64]>) -> Result<usize, DirectError> {
+        if !self.take_values(matrix, addition) {
+            return Ok(0);
+        }
+        self.reserve(true)?;
+        let n = self.dof.len();
+        let par = parallelism(self.threads);
+        let symbolic = self.symbolic.as_ref().expect("set by `analyze`");
+        let stack = MemStack::new(self.memory.as_mut().expect("allocated with the factor"));
+        let pattern = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &self.starts, None, &self.rows);
+        let lower = SparseColMatRef::new(pattern, &self.values);
+        let [forward, inverse] = &mut self.pivoting;
+        supernodal::factorize_supernodal_numeric_intranode_lblt(
+            &mut self.factor,
+            &mut self.off_diagonal,
+            forward,
+            inverse,
+            lower,
+            symbolic,
+            par,
+            stack,
+            Default::default(),
+        );
+        let (mut negative, mut weakest) = (0, (0, f64::INFINITY));
+        let mut first: Option<f64> = None;
+        for (k, pivot) in self.pivots() {
+            let row = self.pivoting[0][k];
+            let dof = self.dof[row] as usize;
+            let off = self.off_diagonal[k];
+            let size = match first.take() {
+                // the second of a pair: the determinant of the block tells
+                Some(before) => {
+                    let off = self.off_diagonal[k - 1];
+                    let determinant = before * pivot - off * off;
+                    negative += if determinant < 0.0 { 1 } else { 2 * usize::from(before < 0.0) };
+                    determinant.abs().sqrt()
+                }
+                None if off != 0.0 => {
+                    first = Some(pivot);
+                    continue;
+                }
+                None => {
+                    negative += usize::from(pivot < 0.0);
+                    pivot.abs()
+                }
+            };
+            if !(size > 0.0 && size.is_finite()) {
+                return Err(DirectError::Singular { dof });
+            }
+            let ratio = size / self.values[self.starts[row]].abs();
+            if ratio < weakest.1 {
+                weakest = (row, ratio);
+            }
+        }
+        self.weakest = weakest.0;
+        (self.factored, self.indefinite) = (true, true);
+        Ok(negative)
+    }
+
+    /// Rows and the diagonal entries of the factor: roots of pivots, or the diagonal of `B` of an indefinite one.
+    fn pivots(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         let symbolic = self.symbolic();
-        let mut weakest = (0, f64::INFINITY);
-        for s in 0..symbolic.n_supernodes() {
+        (0..symbolic.n_supernodes()).flat_map(move |s| {
             let (first, last) = (symbolic.supernode_begin()[s], symbolic.supernode_end()[s]);
             let rows = last - first + symbolic.supernode(s).pattern().len();
-            for k in first..last {
-                let root = self.factor[symbolic.col_ptr_for_val()[s] + (k - first) * (rows + 1)];
-                let ratio = root * root / self.values[self.starts[k]];
-                if ratio < weakest.1 || ratio.is_nan() {
-                    weakest = (k, ratio);
-                }
-                if ratio.is_nan() {
-                    return weakest;
-                }
+            (first..last).map(move |k| (k, self.factor[symbolic.col_ptr_for_val()[s] + (k - first) * (rows + 1)]))
+        })
+    }
+
+    /// The row whose pivot is smallest relative to its diagonal entry before elimination, and that ratio.
+    fn weakest_pivot(&self) -> (usize, f64) {
+        let mut weakest = (0, f64::INFINITY);
+        for (k, root) in self.pivots() {
+            let ratio = root * root / self.values[self.starts[k]];
+            if ratio < weakest.1 || ratio.is_nan() {
+                weakest = (k, ratio);
+            }
+            if ratio.is_nan() {
+                return weakest;
             }
         }
         weakest
@@ -339,7 +462,11 @@ impl SparseCholesky {
         self.back_substitute(false);
         let mut reached = self.compute_residual() / scale;
         let mut error = 0.0;
-        if reached > 4.0 * f64::EPSILON {
+        // without pivoting more digits may be lost
+        for _ in 0..if self.indefinite { 4 } else { 1 } {
+            if reached <= 4.0 * f64::EPSILON {
+                break;
+            }
             self.back_substitute(true);
             error = vector::norm(&self.residual) / vector::norm(&self.solution);
             vector::add_scaled(&mut self.solution, 1.0, &self.residual);
@@ -350,6 +477,7 @@ impl SparseCholesky {
                 reached = refined;
             } else {
                 vector::add_scaled(&mut self.solution, -1.0, &self.correction);
+                break;
             }
         }
         if (reached > INACCURATE && error > UNSETTLED) || reached.is_nan() || error.is_nan() {
@@ -385,13 +513,31 @@ impl SparseCholesky {
     /// Solves in place with the factor alone: in `residual` or in `solution`.
     fn back_substitute(&mut self, residual: bool) {
         let symbolic = self.symbolic.as_ref().expect("set by `analyze`");
-        let llt = supernodal::SupernodalLltRef::new(symbolic, &self.factor);
         let stack = MemStack::new(self.memory.as_mut().expect("allocated with the factor"));
         let vector = if residual { &mut self.residual } else { &mut self.solution };
         let n = vector.len();
-        let mut vector = MatMut::from_column_major_slice_mut(vector, n, 1);
         // One right-hand side is bound by memory: threads would only spin.
-        llt.solve_in_place_with_conj(Conj::No, vector.rb_mut(), Par::Seq, stack);
+        if self.indefinite {
+            let [forward, inverse] = &self.pivoting;
+            for (p, &from) in self.permuted.iter_mut().zip(forward) {
+                *p = vector[from];
+            }
+            let perm = PermRef::new_checked(forward, inverse, n);
+            supernodal::SupernodalIntranodeLbltRef::new(symbolic, &self.factor, &self.off_diagonal, perm)
+                .solve_in_place_no_numeric_permute_with_conj(
+                    Conj::No,
+                    MatMut::from_column_major_slice_mut(&mut self.permuted, n, 1),
+                    Par::Seq,
+                    stack,
+                );
+            for (p, &to) in self.permuted.iter().zip(forward) {
+                vector[to] = *p;
+            }
+        } else {
+            let llt = supernodal::SupernodalLltRef::new(symbolic, &self.factor);
+            let mut vector = MatMut::from_column_major_slice_mut(vector, n, 1);
+            llt.solve_in_place_with_conj(Conj::No, vector.rb_mut(), Par::Seq, stack);
+        }
     }
 
     /// `residual = right − A solution`; returns its norm.

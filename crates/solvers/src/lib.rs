@@ -3,6 +3,7 @@
 //! The crate knows vectors and operators, nothing of peridynamics. A body implements [`problem::Dynamics`] or [`problem::Statics`].
 #![forbid(unsafe_code)]
 
+pub mod arc_length;
 pub mod direct;
 pub mod dynamic_relaxation;
 pub mod eigen;

@@ -102,7 +102,9 @@ impl EquilibriumError {
     pub fn worst_dof(&self) -> Option<usize> {
         match self {
             Self::NotConverged { worst_dof, .. } => Some(*worst_dof),
-            Self::Direct(DirectError::NotPositiveDefinite { dof } | DirectError::Inaccurate { dof, .. }) => Some(*dof),
+            Self::Direct(
+                DirectError::NotPositiveDefinite { dof } | DirectError::Singular { dof } | DirectError::Inaccurate { dof, .. },
+            ) => Some(*dof),
             _ => None,
         }
     }

@@ -29,6 +29,8 @@ pub struct StepReport {
     pub cuts: usize,
     /// Whether this is a time or load that was asked for, not one put in between by the solver.
     pub station: bool,
+    /// Negative eigenvalues of the tangent where that is known (path following): 0 where the state is stable.
+    pub unstable_modes: Option<usize>,
 }
 
 /// Looks on between steps.

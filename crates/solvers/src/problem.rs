@@ -142,6 +142,15 @@ pub trait Statics {
     /// [`Stop`] where the state cannot be evaluated.
     fn tangent(&mut self, t: f64, u: &[f64], matrix: &mut BlockMatrix) -> Result<(), Stop>;
 
+    /// Adds to `matrix`, of the pattern of the tangent, the derivative of the tangent at `(t, u)` along the displacement `along`, exact:
+    /// `K_σ` of linear buckling, where `along` is what a load does. Returns `false`, adding nothing, where the body does not know it.
+    ///
+    /// # Errors
+    /// [`Stop`] where the state cannot be evaluated.
+    fn tangent_change(&mut self, _t: f64, _u: &[f64], _along: &[f64], _matrix: &mut BlockMatrix) -> Result<bool, Stop> {
+        Ok(false)
+    }
+
     /// Overwrites `blocks` with the `D×D` diagonal blocks of `K` at `(t, u)`, one per point, row-major, for preconditioning. An
     /// approximation is allowed (it changes speed, not results), but keep it symmetric and positive.
     ///
@@ -212,6 +221,9 @@ impl<P: Statics + ?Sized> Statics for &mut P {
     }
     fn tangent(&mut self, t: f64, u: &[f64], matrix: &mut BlockMatrix) -> Result<(), Stop> {
         (**self).tangent(t, u, matrix)
+    }
+    fn tangent_change(&mut self, t: f64, u: &[f64], along: &[f64], matrix: &mut BlockMatrix) -> Result<bool, Stop> {
+        (**self).tangent_change(t, u, along, matrix)
     }
     fn block_diagonal(&mut self, t: f64, u: &[f64], blocks: &mut [f64]) -> Result<(), Stop> {
         (**self).block_diagonal(t, u, blocks)

@@ -60,12 +60,38 @@ pub(crate) fn check_values(what: &'static str, values: &[f64], points: usize) ->
     }
 }
 
+/// As [`check_values`], but infinite values, of points without a limit, are right.
+pub(crate) fn check_limits(what: &'static str, values: &[f64], points: usize) -> Result<(), ThinError> {
+    let finite: Vec<f64> = values.iter().map(|v| if *v == f64::INFINITY { 1.0 } else { *v }).collect();
+    check_values(what, &finite, points)
+}
+
 impl Beam<'_> {
     /// Makes the body: points of a line, with a horizon of as many spacings as the table has arms.
     ///
     /// # Errors
     /// [`ThinError`] for stiffnesses that are not positive, wrong lengths, missing axial stiffness, unusable mirrors.
     pub fn build<const D: usize>(&self, layout: Layout) -> Result<Thin<D>, ThinError> {
+        self.build_of(layout, |_| self.arms)
+    }
+
+    /// Makes a beam of several sections: `tables` in the place of the one table, with as many arms, and the number of the table of each point.
+    /// Pairs are of the section of their centre.
+    ///
+    /// # Errors
+    /// Those of [`build`](Self::build), [`ThinError::Length`] for lists that do not fit.
+    pub fn build_sections<const D: usize>(&self, layout: Layout, tables: &[ArmTable], table: &[u32]) -> Result<Thin<D>, ThinError> {
+        let count = self.arms.omega.len();
+        if let Some(other) = tables.iter().find(|t| t.omega.len() != count || t.limit.len() != count) {
+            return Err(ThinError::Length { what: "arms of a section", expected: count, found: other.omega.len() });
+        }
+        if table.len() != layout.len() || table.iter().any(|t| *t as usize >= tables.len()) {
+            return Err(ThinError::Length { what: "sections of points", expected: layout.len(), found: table.len() });
+        }
+        self.build_of(layout, |p| &tables[table[p] as usize])
+    }
+
+    fn build_of<'t, const D: usize>(&self, layout: Layout, table: impl Fn(usize) -> &'t ArmTable) -> Result<Thin<D>, ThinError> {
         let n = layout.len();
         layout.check_mirrors::<D>()?;
         check_values("bending stiffness", self.bending, n)?;
@@ -78,7 +104,7 @@ impl Beam<'_> {
             });
         }
         if let Some(limit) = self.limit_curvature {
-            check_values("limit curvature", limit, n)?;
+            check_limits("limit curvature", limit, n)?;
         } else if matches!(self.law, Law::NonlinearElastic | Law::ElasticPlastic) {
             return Err(ThinError::Unsupported { what: "a plastic law has no yield curvature", remedy: "give the limit curvature" });
         }
@@ -101,9 +127,10 @@ impl Beam<'_> {
         let mut ends = Ends::<D>::new(n);
         let mut known = HashMap::new();
         let (mut starts, mut pairs) = (vec![0], vec![]);
-        let mut extension = Extension { starts: vec![0], bonds: vec![], dilatational: vec![0.0; n] };
+        let mut extension = Extension { starts: vec![0], dilatational: vec![0.0; n], ..Default::default() };
         for p in 0..n {
             let cell = layout.cell(p);
+            let table = table(p);
             let first = pairs.len();
             let first_bond = extension.bonds.len();
             let (mut weighted, mut both) = (0.0, 0.0);
@@ -111,7 +138,7 @@ impl Beam<'_> {
                 let step = k as i32 + 1;
                 let plus = layout.end([cell[0] + step, 0], &mut ends, &mut known);
                 let minus = layout.end([cell[0] - step, 0], &mut ends, &mut known);
-                let omega = self.arms.omega[k];
+                let omega = table.omega[k];
                 if D > 1 {
                     for (end, sign) in [(plus, 1.0), (minus, -1.0)] {
                         if let Some(end) = end {
@@ -125,7 +152,7 @@ impl Beam<'_> {
                     continue;
                 }
                 weighted += omega * arm.length * arm.length;
-                let limit = self.limit_curvature.map_or(f64::INFINITY, |c| self.arms.limit[k] * horizon * at(c, p));
+                let limit = self.limit_curvature.map_or(f64::INFINITY, |c| table.limit[k] * horizon * at(c, p));
                 pairs.push(Pair { plus, minus, arm: k as u32, stiffness: omega, isotropic: 0.0, limit });
             }
             let factor = measure[p] * at(self.bending, p) / weighted;

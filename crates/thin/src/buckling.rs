@@ -143,43 +143,19 @@ pub fn buckling_loads(
     unreachable!("the last iteration returns")
 }
 
-/// `K` and `K_σ = dK/dλ` of a body under displacements λ `u` about its reference, `K_σ` by a central difference with a step that
-/// keeps strains at 1e-5: the tangent is smooth, so nine digits are right.
+/// `K` and `K_σ = dK/dλ` of a body under displacements λ `u` about its reference: exact, see [`crate::stability`].
 ///
 /// # Errors
-/// [`BucklingError::Evaluation`].
+/// [`BucklingError::Evaluation`], also where the reference state is not straight and free of stress.
 pub fn stiffness_and_its_change<const D: usize>(body: &mut Thin<D>, u: &[f64]) -> Result<(BlockMatrix, BlockMatrix), BucklingError> {
     let fail = |e: crate::ThinError| BucklingError::Evaluation(Stop::new(e.to_string()));
     let pattern = body.pattern().map_err(fail)?;
-    let zero = vec![0.0; u.len()];
     let mut stiffness = BlockMatrix::new(pattern.clone());
-    body.tangent(&zero, &mut stiffness).map_err(fail)?;
-    let largest = u.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-    let spacing = body.layout().spacing[0] * (crate::linear::longest_row(body) as f64 - 1.0);
-    let step = if largest > 0.0 { 1e-5 * spacing / largest } else { 1.0 };
-    let at = |factor: f64, body: &mut Thin<D>| -> Result<BlockMatrix, BucklingError> {
-        let moved: Vec<f64> = u.iter().map(|x| factor * x).collect();
-        let mut matrix = BlockMatrix::new(pattern.clone());
-        body.tangent(&moved, &mut matrix).map_err(fail)?;
-        Ok(matrix)
-    };
-    let (plus, minus) = (at(step, body)?, at(-step, body)?);
-    // the difference of two matrices, block by block
-    let mut change = BlockMatrix::new(pattern.clone());
-    let d = pattern.block();
-    let mut block = vec![0.0; d * d];
-    for column in 0..pattern.points() {
-        for (k, &row) in pattern.column(column).iter().enumerate() {
-            let slot = (pattern.first_slot(column) + k) * d * d;
-            for i in 0..d {
-                for j in 0..d {
-                    // slots are column-major
-                    block[i * d + j] = (plus.values()[slot + j * d + i] - minus.values()[slot + j * d + i]) / (2.0 * step);
-                }
-            }
-            let added = change.add_block(row as usize, column, &block);
-            debug_assert!(added, "the pattern is that of the matrices");
-        }
+    body.tangent(&vec![0.0; u.len()], &mut stiffness).map_err(fail)?;
+    let mut change = BlockMatrix::new(pattern);
+    if !body.tangent_change(u, &mut change).map_err(fail)? {
+        let why = "the change of the stiffness is known about straight, stress-free bodies with displacements along them only";
+        return Err(Stop::new(why).into());
     }
     Ok((stiffness, change))
 }

@@ -132,6 +132,52 @@ pub enum ThinError {
         /// What to do instead.
         remedy: &'static str,
     },
+    /// A surface that cannot be made from what was given.
+    #[error("{count} {what}, the first at {place:?}; {remedy}")]
+    Mesh {
+        /// What is wrong.
+        what: &'static str,
+        /// How often.
+        count: usize,
+        /// The first place.
+        place: [f64; 3],
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A horizon that sees more than a gentle piece of a curved surface.
+    #[error(
+        "horizon {horizon:.6e} is {relative:.2} of the radius of curvature {radius:.6e} at point {point}; it must be less than half of it: use more points and a shorter horizon"
+    )]
+    Curvature {
+        /// Index of the point.
+        point: usize,
+        /// The horizon there (length).
+        horizon: f64,
+        /// The smallest radius of curvature there (length).
+        radius: f64,
+        /// Their ratio.
+        relative: f64,
+    },
+    /// A tie or a joint that cannot be made.
+    #[error("point {point} {why}; correct the joint")]
+    Tie {
+        /// Index of the point.
+        point: usize,
+        /// What is wrong.
+        why: &'static str,
+    },
+    /// Points without what a family needs.
+    #[error(
+        "{count} points have no bond pair at all, the first is point {point} at {position:?}; enlarge the horizon, fill the surface with points there, or remove them"
+    )]
+    Isolated {
+        /// How many.
+        count: usize,
+        /// Index of the first.
+        point: usize,
+        /// Its position.
+        position: [f64; 3],
+    },
     /// The matrix cannot be counted.
     #[error(transparent)]
     Sparse(#[from] solvers::sparse::SparseError),

@@ -29,6 +29,32 @@ pub struct Extension {
     pub bonds: Vec<ExtensionBond>,
     /// Stiffness c of the energy c θ², volume included, per point.
     pub dilatational: Vec<f64>,
+    /// Which bonds are intact; all where empty.
+    pub intact: Vec<bool>,
+    /// Stretch |e|/|ξ| at which the bonds of each point break; never where empty.
+    pub critical: Vec<f64>,
+}
+
+impl Extension {
+    /// The intact bonds of a point.
+    #[inline(always)]
+    pub fn family(&self, point: usize) -> impl Iterator<Item = &ExtensionBond> {
+        let range = self.starts[point]..self.starts[point + 1];
+        let first = range.start;
+        self.bonds[range].iter().enumerate().filter(move |(k, _)| self.is_intact(first + k)).map(|b| b.1)
+    }
+
+    /// Numbers of the intact bonds of a point.
+    #[inline(always)]
+    pub fn intact_bonds(&self, point: usize) -> impl Iterator<Item = usize> + '_ {
+        (self.starts[point]..self.starts[point + 1]).filter(|q| self.is_intact(*q))
+    }
+
+    /// Whether a bond is intact.
+    #[inline(always)]
+    pub fn is_intact(&self, bond: usize) -> bool {
+        self.intact.is_empty() || self.intact[bond]
+    }
 }
 
 /// One bond at a displacement.

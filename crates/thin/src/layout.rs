@@ -57,6 +57,8 @@ pub struct Layout {
     pub normal: [f64; 3],
     /// Spacing along the rows (length).
     pub spacing: [f64; 2],
+    /// Tangents and normal of each point of a surface; empty for lattices.
+    pub axes: Vec<[[f64; 3]; 3]>,
     cells: Vec<Cell>,
     place: HashMap<Cell, u32>,
     planes: Vec<Plane>,
@@ -203,7 +205,40 @@ impl Layout {
             }
             cells.push(cell);
         }
-        Ok(Layout { positions: positions.to_vec(), dimension, rows, normal, spacing, cells, place, planes: vec![] })
+        Ok(Layout { positions: positions.to_vec(), dimension, rows, normal, spacing, axes: vec![], cells, place, planes: vec![] })
+    }
+
+    /// The points of a surface or of a curve, on no lattice.
+    pub fn cloud(surface: &crate::surface::Surface) -> Self {
+        let axes: Vec<_> = (0..surface.len()).map(|p| surface.axes(p)).collect();
+        let first = axes.first().copied().unwrap_or_default();
+        Layout {
+            positions: surface.positions.clone(),
+            dimension: surface.dimension,
+            rows: [first[0], first[1]],
+            normal: first[2],
+            spacing: [surface.spacing.iter().fold(f64::INFINITY, |m, h| m.min(*h)); 2],
+            axes,
+            cells: vec![],
+            place: HashMap::new(),
+            planes: vec![],
+        }
+    }
+
+    /// Whether the points lie on a lattice.
+    pub fn is_lattice(&self) -> bool {
+        !self.cells.is_empty()
+    }
+
+    /// The points of several bodies, one after another, on no lattice.
+    pub(crate) fn joined(parts: &[&Layout]) -> Self {
+        let axes_of = |l: &Layout, p: usize| l.axes.get(p).copied().unwrap_or([l.rows[0], l.rows[1], l.normal]);
+        let mut whole = parts[0].clone();
+        whole.axes = parts.iter().flat_map(|l| (0..l.len()).map(|p| axes_of(l, p))).collect();
+        whole.positions = parts.iter().flat_map(|l| l.positions.iter().copied()).collect();
+        whole.dimension = parts.iter().map(|l| l.dimension).max().unwrap_or(2);
+        (whole.cells, whole.place, whole.planes) = (vec![], HashMap::new(), vec![]);
+        whole
     }
 
     /// Puts mirror planes at edges.
@@ -248,7 +283,7 @@ impl Layout {
         self.positions.is_empty()
     }
 
-    /// Lattice coordinates of a point.
+    /// Lattice coordinates of a point; a surface has none, and must not be asked.
     pub fn cell(&self, point: usize) -> Cell {
         self.cells[point]
     }

@@ -82,6 +82,13 @@ impl LinearSolution {
 /// Points along the longest row of a body.
 pub fn longest_row<const D: usize>(body: &Thin<D>) -> usize {
     let layout = body.layout();
+    if !layout.is_lattice() {
+        // as many spacings as fit on the diagonal
+        let extent =
+            (0..3).map(|k| layout.positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x[k]), b.max(x[k]))));
+        let diagonal = extent.fold(0.0f64, |d, (low, high)| d.hypot(high - low));
+        return (diagonal / layout.spacing[0]) as usize + 1;
+    }
     (0..layout.dimension)
         .map(|r| {
             let (lo, hi) = (0..layout.len()).fold((i32::MAX, i32::MIN), |(a, b), p| (a.min(layout.cell(p)[r]), b.max(layout.cell(p)[r])));
@@ -225,4 +232,51 @@ fn precise_residual(body: &Thin<1>, u: &[f64], load: &[f64], out: &mut [f64]) {
         give(p as u32, at_centre);
     }
     out.iter_mut().zip(&sums).for_each(|(o, s)| *o = s.0 + s.1);
+}
+
+/// Displacements of any body by its tangent in the reference: the linear solution at load parameter `t`, with corrections by the factor while
+/// they shrink. The residual is that of the linearised body, in working precision.
+///
+/// # Errors
+/// [`LinearError`].
+pub fn solve_linearised<const D: usize>(structure: &mut ThinStructure<D>, t: f64, threads: usize) -> Result<LinearSolution, LinearError> {
+    let dofs = Statics::dofs(structure);
+    let points = longest_row(&structure.body);
+    let pattern = structure.body.pattern()?;
+    let mut matrix = BlockMatrix::new(pattern.clone());
+    let zero = vec![0.0; dofs];
+    Statics::tangent(structure, t, &zero, &mut matrix)?;
+    let fixed = Statics::fixed(structure).to_vec();
+    let factor_error = |cause| LinearError::Factor { cause, points, digits: 4.0 * (points as f64).log10() };
+    let mut factor = SparseCholesky::analyze(pattern, structure.positions(), &fixed, threads).map_err(factor_error)?;
+    factor.factor(&matrix, None).map_err(factor_error)?;
+    let mut u = vec![0.0; dofs];
+    structure.prescribe(t, &mut u);
+    let mut load = vec![0.0; dofs];
+    structure.external(t, &mut load);
+    let (mut residual, mut change) = (vec![0.0; dofs], vec![0.0; dofs]);
+    let (mut lost, mut error, mut corrections) = (0.0, 0.0, 0);
+    for pass in 0..6 {
+        matrix.product(&u, &mut residual);
+        residual.iter_mut().zip(&load).for_each(|(r, f)| *r = f - *r);
+        factor.solve(&residual, &mut change).map_err(factor_error)?;
+        u.iter_mut().zip(&change).for_each(|(u, c)| *u += c);
+        let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let now = if largest(&u) > 0.0 { largest(&change) / largest(&u) } else { 0.0 };
+        if pass == 1 {
+            lost = now;
+        }
+        if pass >= 1 {
+            corrections = pass;
+            let slow = pass > 1 && now > 0.5 * error;
+            error = now;
+            if now < 1e-12 || slow {
+                break;
+            }
+        }
+    }
+    if error > 1e-3 || error.is_nan() {
+        return Err(LinearError::Lost { change: error, points });
+    }
+    Ok(LinearSolution { u, lost, error, corrections })
 }

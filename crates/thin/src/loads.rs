@@ -13,6 +13,11 @@ pub enum Action {
         /// Weights, one per point: areas or lengths for a pressure or line load, shares for a resultant.
         weights: Vec<f64>,
     },
+    /// A pressure that keeps the direction of the reference normals: the first component of the condition times an area vector per point.
+    Pressure {
+        /// Normal times area (length²), one per point.
+        vectors: Vec<[f64; 3]>,
+    },
 }
 
 /// A condition on a set of points.
@@ -54,9 +59,42 @@ impl Condition {
         Condition { name: name.into(), action: Action::Displacement, points, components: held }
     }
 
+    /// A pressure along the normals of a surface on some of its points, positive along the normal, constant in direction.
+    pub fn pressure(
+        name: &str,
+        surface: &crate::surface::Surface,
+        points: Vec<u32>,
+        value: impl Fn([f64; 3], f64) -> f64 + Send + Sync + 'static,
+    ) -> Self {
+        let all = surface.area_vectors();
+        let vectors = points.iter().map(|&p| all[p as usize]).collect();
+        Self::new(name, Action::Pressure { vectors }, points, 0, value)
+    }
+
     /// Whether it prescribes motion.
     pub fn prescribes(&self) -> bool {
-        !matches!(self.action, Action::Force { .. })
+        matches!(self.action, Action::Displacement | Action::Mean)
+    }
+
+    /// Force on each of its points at a load parameter or time; none where it prescribes motion.
+    pub(crate) fn forces<const D: usize>(&self, positions: &[[f64; 3]], t: f64, mut each: impl FnMut(u32, [f64; D])) {
+        match &self.action {
+            Action::Force { weights } => {
+                for (&p, w) in self.points.iter().zip(weights) {
+                    each(p, std::array::from_fn(|k| self.components[k].as_ref().map_or(0.0, |v| w * v(positions[p as usize], t))));
+                }
+            }
+            Action::Pressure { vectors } => {
+                let Some(value) = &self.components[0] else { return };
+                for (&p, a) in self.points.iter().zip(vectors) {
+                    let pressure = value(positions[p as usize], t);
+                    // across a flat body: all of it
+                    let across = (0..3).fold(0.0f64, |m, k| if a[k].abs() > m.abs() { a[k] } else { m });
+                    each(p, if D == 1 { [pressure * across; D] } else { std::array::from_fn(|k| pressure * a[k]) });
+                }
+            }
+            Action::Displacement | Action::Mean => {}
+        }
     }
 }
 

@@ -21,7 +21,7 @@
 //! The horizon is one spacing: the lattice then has no stiffness in twist, and no correction helps.
 
 use crate::angle::Kinematics;
-use crate::beam::{at, check_values};
+use crate::beam::{at, check_limits, check_values};
 use crate::body::{Arm, Thin};
 use crate::extension::{Extension, ExtensionBond, Prestress};
 use crate::layout::Layout;
@@ -144,8 +144,8 @@ impl Plate<'_> {
             });
         }
         match self.limit {
-            Limit::Angle(v) => check_values("limit angle", v, n),
-            Limit::Layers(v) => check_values("limit curvature", v, n),
+            Limit::Angle(v) => check_limits("limit angle", v, n),
+            Limit::Layers(v) => check_limits("limit curvature", v, n),
             Limit::None if matches!(self.law, Law::NonlinearElastic | Law::ElasticPlastic) => {
                 Err(ThinError::Unsupported { what: "a plastic law has no yield curvature", remedy: "give the limit" })
             }
@@ -184,7 +184,7 @@ impl Plate<'_> {
         let (mut starts, mut pairs) = (vec![0], vec![]);
         let mut isotropic = vec![0.0; n];
         let stretches = D > 1 || self.tension.is_some();
-        let mut extension = Extension { starts: vec![0], bonds: vec![], dilatational: vec![0.0; n] };
+        let mut extension = Extension { starts: vec![0], dilatational: vec![0.0; n], ..Default::default() };
         let mut prestress = Prestress { starts: vec![0], springs: vec![] };
         let mut shapes: HashMap<Vec<u64>, Shape> = HashMap::new();
         let mut found: Vec<(Option<u32>, Option<u32>)> = vec![];
@@ -206,7 +206,8 @@ impl Plate<'_> {
             // ν = 1/3 is written with as many digits as one likes
             isotropic[p] = if (3.0 * nu - 1.0).abs() < 1e-12 { 0.0 } else { measure[p] * iso };
             let m0: f64 = weight.iter().sum();
-            let limits = self.limits(p, &arms, &present, &weight);
+            let lengths: Vec<f64> = present.iter().map(|&k| arms[k].length).collect();
+            let limits = limit_angles(&self.limit, p, &lengths, &weight);
             for (j, &k) in present.iter().enumerate() {
                 let (Some(plus), Some(minus)) = found[k] else { continue };
                 let length = arms[k].length;
@@ -234,39 +235,6 @@ impl Plate<'_> {
             thin.prestress = Some(prestress);
         }
         Ok(thin)
-    }
-
-    /// Limit angles of the pairs of a point.
-    fn limits(&self, p: usize, arms: &[Arm], present: &[usize], weight: &[f64]) -> Vec<f64> {
-        match self.limit {
-            Limit::None => vec![f64::INFINITY; present.len()],
-            Limit::Angle(v) => vec![at(v, p); present.len()],
-            Limit::Layers(v) => {
-                // arms of one length share a layer; its bounds follow from y³ = part of the stiffness of arms as long or shorter
-                let mut order: Vec<usize> = (0..present.len()).collect();
-                let length = |j: usize| arms[present[j]].length;
-                order.sort_by(|&a, &b| length(a).total_cmp(&length(b)));
-                let a = |j: usize| weight[j] * length(j).powi(2);
-                let total: f64 = (0..present.len()).map(a).sum();
-                let mut limits = vec![0.0; present.len()];
-                let (mut first, mut below) = (0, 0.0f64);
-                while first < order.len() {
-                    let mut last = first;
-                    let mut above = below;
-                    while last < order.len() && length(order[last]) <= length(order[first]) * (1.0 + 1e-9) {
-                        above += a(order[last]) / total;
-                        last += 1;
-                    }
-                    let (low, high) = (below.cbrt(), above.cbrt());
-                    let (second, linear) = ((above - below) / 3.0, 0.5 * (high * high - low * low));
-                    for &j in &order[first..last] {
-                        limits[j] = length(j) * at(v, p) * linear / second;
-                    }
-                    (first, below) = (last, above);
-                }
-                limits
-            }
-        }
     }
 
     /// Bonds of a point, for extension; or, linearised about a tension, springs across.
@@ -328,6 +296,38 @@ impl Plate<'_> {
             prestress.springs.push((end, measure * pull / length));
         }
         prestress.starts.push(prestress.springs.len());
+    }
+}
+
+/// Limit angles of the pairs of a point.
+pub(crate) fn limit_angles(limit: &Limit, p: usize, lengths: &[f64], weight: &[f64]) -> Vec<f64> {
+    match limit {
+        Limit::None => vec![f64::INFINITY; lengths.len()],
+        Limit::Angle(v) => vec![at(v, p); lengths.len()],
+        Limit::Layers(v) => {
+            // arms of one length share a layer; its bounds follow from y³ = part of the stiffness of arms as long or shorter
+            let mut order: Vec<usize> = (0..lengths.len()).collect();
+            order.sort_by(|&a, &b| lengths[a].total_cmp(&lengths[b]));
+            let a = |j: usize| weight[j] * lengths[j].powi(2);
+            let total: f64 = (0..lengths.len()).map(a).sum();
+            let mut limits = vec![0.0; lengths.len()];
+            let (mut first, mut below) = (0, 0.0f64);
+            while first < order.len() {
+                let mut last = first;
+                let mut above = below;
+                while last < order.len() && lengths[order[last]] <= lengths[order[first]] * (1.0 + 1e-9) {
+                    above += a(order[last]) / total;
+                    last += 1;
+                }
+                let (low, high) = (below.cbrt(), above.cbrt());
+                let (second, linear) = ((above - below) / 3.0, 0.5 * (high * high - low * low));
+                for &j in &order[first..last] {
+                    limits[j] = lengths[j] * at(v, p) * linear / second;
+                }
+                (first, below) = (last, above);
+            }
+            limits
+        }
     }
 }
 

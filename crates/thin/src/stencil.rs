@@ -95,6 +95,35 @@ impl<const D: usize> Ends<D> {
         }
     }
 
+    /// Number of ends, real points included.
+    pub fn count(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Replaces points by stencils on others, everywhere: they then move as these do.
+    pub fn replace(&mut self, stencils: &[(u32, Vec<(u32, [f64; D])>)]) {
+        if stencils.is_empty() {
+            return;
+        }
+        let mut of: Vec<Option<usize>> = vec![None; self.points];
+        stencils.iter().enumerate().for_each(|(k, s)| of[s.0 as usize] = Some(k));
+        let old = self.clone();
+        self.starts.truncate(1);
+        self.entries.clear();
+        for end in 0..old.starts.len() as u32 - 1 {
+            let mut stencil = vec![];
+            for &(q, w) in old.stencil(end) {
+                match of[q as usize] {
+                    None => stencil.push((q, w)),
+                    Some(k) => {
+                        stencil.extend(stencils[k].1.iter().map(|(o, v)| (*o, std::array::from_fn(|c| w[c] * v[c]))));
+                    }
+                }
+            }
+            self.add(&stencil);
+        }
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         4 * self.starts.len() + (4 + 8 * D) * self.entries.len()

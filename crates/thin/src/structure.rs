@@ -53,7 +53,7 @@ pub struct ThinStructure<const D: usize> {
     fixed: Vec<bool>,
     prescribed: Vec<(u32, u32)>,
     brittle: Option<Brittle>,
-    saved_intact: Vec<bool>,
+    saved_intact: (Vec<bool>, Vec<bool>),
     saved_plastic: Vec<f64>,
     force_scale: (f64, f64),
     size: f64,
@@ -89,41 +89,86 @@ impl<const D: usize> ThinStructure<D> {
         if !data.density.is_empty() {
             crate::beam::check_values("mass per length or area", &data.density, n)?;
         }
-        if brittle.is_some() && body.law.has_history() {
+        if brittle.is_some() && body.law.has_history() && body.laws.is_empty() {
             return Err(ThinError::Unsupported { what: "pairs that yield and break at one angle", remedy: "choose plastic or brittle" });
         }
         let (mut fixed, mut prescribed) = (vec![false; n * D], vec![]);
+        // points that follow others have no dofs; what is held of one that follows a single point is held of that
+        let follows: Vec<Option<Vec<(u32, [f64; D])>>> = (0..n as u32)
+            .map(|p| body.dependent().get(p as usize).copied().unwrap_or(false).then(|| body.ends().stencil(p).to_vec()))
+            .collect();
+        for p in (0..n).filter(|&p| follows[p].is_some()) {
+            fixed[p * D..(p + 1) * D].fill(true);
+        }
         for (c, condition) in conditions.iter().enumerate() {
             for component in (0..D).filter(|&k| condition.components[k].is_some()) {
                 let mut hold = |p: u32| {
+                    let p = match follows[p as usize].as_deref() {
+                        Some([(leader, _)]) => *leader,
+                        Some(_) => return false,
+                        None => p,
+                    };
                     let dof = p as usize * D + component;
                     if !fixed[dof] {
                         fixed[dof] = true;
                         prescribed.push((dof as u32, c as u32));
                     }
+                    true
                 };
                 match &condition.action {
-                    Action::Displacement => condition.points.iter().for_each(|&p| hold(p)),
+                    Action::Displacement => {
+                        if let Some(&point) = condition.points.iter().find(|&&p| !hold(p)) {
+                            let why = "follows several others and cannot be held itself; hold those";
+                            return Err(ThinError::Tie { point: point as usize, why });
+                        }
+                    }
                     Action::Mean => {
                         let Some(&kept) = condition.points.get(condition.points.len() / 2) else { continue };
                         let others: Vec<(u32, f64)> = condition.points.iter().filter(|&&p| p != kept).map(|&p| (p, -1.0)).collect();
+                        if follows.iter().any(Option::is_some) {
+                            let why = "is in a mean together with points that follow others; hold points instead";
+                            return Err(ThinError::Tie { point: kept as usize, why });
+                        }
                         body.substitute(kept, component, condition.points.len() as f64, &others);
-                        hold(kept);
+                        let _ = hold(kept);
                     }
                     Action::Force { weights } if weights.len() != condition.points.len() => {
                         let (expected, found) = (condition.points.len(), weights.len());
                         return Err(ThinError::Length { what: "weights of a load", expected, found });
                     }
-                    Action::Force { .. } => {}
+                    Action::Pressure { vectors } if vectors.len() != condition.points.len() => {
+                        let (expected, found) = (condition.points.len(), vectors.len());
+                        return Err(ThinError::Length { what: "area vectors of a pressure", expected, found });
+                    }
+                    Action::Force { .. } | Action::Pressure { .. } => {}
                 }
             }
         }
         let density = |p: usize| if data.density.is_empty() { 1.0 } else { crate::beam::at(&data.density, p) };
-        let mass = (0..n * D).map(|q| density(q / D) * body.measure()[q / D]).collect();
+        let mut mass = vec![0.0; n * D];
+        for p in 0..n {
+            let m = density(p) * body.measure()[p];
+            match &follows[p] {
+                None => mass[p * D..(p + 1) * D].iter_mut().for_each(|x| *x += m),
+                Some(list) => {
+                    // with those it follows
+                    for (q, w) in list {
+                        (0..D).for_each(|k| mass[*q as usize * D + k] += m * w[k]);
+                    }
+                }
+            }
+        }
+        for p in (0..n).filter(|&p| follows[p].is_some()) {
+            // no dof, but no division by zero either
+            mass[p * D..(p + 1) * D].fill(density(p) * body.measure()[p]);
+        }
         // coordinates along the rows: for orderings
         let layout = body.layout();
-        let d = layout.dimension;
-        let positions: Vec<f64> = (0..n * d).map(|q| f64::from(layout.cell(q / d)[q % d]) * layout.spacing[q % d]).collect();
+        let d = if layout.is_lattice() { layout.dimension } else { 3 };
+        let positions: Vec<f64> = match layout.is_lattice() {
+            true => (0..n * d).map(|q| f64::from(layout.cell(q / d)[q % d]) * layout.spacing[q % d]).collect(),
+            false => layout.positions.iter().flatten().copied().collect(),
+        };
         let size = (0..d)
             .map(|k| {
                 let (lo, hi) =
@@ -141,7 +186,7 @@ impl<const D: usize> ThinStructure<D> {
             fixed,
             prescribed,
             brittle,
-            saved_intact: vec![],
+            saved_intact: (vec![], vec![]),
             saved_plastic: vec![],
             force_scale: (0.0, 0.0),
             size,
@@ -170,20 +215,10 @@ impl<const D: usize> ThinStructure<D> {
     /// Adds the external forces of conditions (all, or one).
     fn add_external(&self, only: Option<usize>, t: f64, force: &mut [f64]) {
         for (c, condition) in self.conditions.iter().enumerate() {
-            let Action::Force { weights } = &condition.action else { continue };
             if only.is_some_and(|o| o != c) {
                 continue;
             }
-            for (&p, w) in condition.points.iter().zip(weights) {
-                let x = self.body.layout().positions[p as usize];
-                let mut f = [0.0; D];
-                for k in 0..D {
-                    if let Some(value) = &condition.components[k] {
-                        f[k] = w * value(x, t);
-                    }
-                }
-                self.body.ends().scatter(p, &f, force, 0);
-            }
+            condition.forces::<D>(&self.body.layout().positions, t, |p, f| self.body.ends().scatter(p, &f, force, 0));
         }
     }
 
@@ -271,14 +306,7 @@ impl<const D: usize> ThinStructure<D> {
                 out[dof as usize % D] -= f[dof as usize];
             }
         } else {
-            let Condition { action, points, components, .. } = &self.conditions[condition];
-            if let Action::Force { weights } = action {
-                for (&p, w) in points.iter().zip(weights) {
-                    for k in 0..D {
-                        out[k] += components[k].as_ref().map_or(0.0, |v| w * v(self.body.layout().positions[p as usize], t));
-                    }
-                }
-            }
+            self.conditions[condition].forces::<D>(&self.body.layout().positions, t, |_, f| (0..D).for_each(|k| out[k] += f[k]));
         }
         self.scratch = f;
         out
@@ -291,9 +319,11 @@ impl<const D: usize> ThinStructure<D> {
     }
 
     fn tensors(&self, of: &[Bending]) -> Vec<f64> {
-        let [a, b] = self.body.layout().rows;
+        let layout = self.body.layout();
         of.iter()
-            .flat_map(|m| {
+            .enumerate()
+            .flat_map(|(p, m)| {
+                let [a, b] = layout.axes.get(p).map_or(layout.rows, |axes| [axes[0], axes[1]]);
                 let mut t = [0.0; 9];
                 for i in 0..3 {
                     for j in 0..3 {
@@ -360,6 +390,12 @@ impl<const D: usize> Statics for ThinStructure<D> {
     fn tangent(&mut self, _: f64, u: &[f64], matrix: &mut BlockMatrix) -> Result<(), Stop> {
         self.body.tangent(u, matrix).map_err(stop)
     }
+    fn tangent_change(&mut self, _: f64, u: &[f64], along: &[f64], matrix: &mut BlockMatrix) -> Result<bool, Stop> {
+        if u.iter().any(|x| *x != 0.0) {
+            return Ok(false);
+        }
+        self.body.tangent_change(along, matrix).map_err(stop)
+    }
     fn block_diagonal(&mut self, _: f64, u: &[f64], blocks: &mut [f64]) -> Result<(), Stop> {
         self.body.block_diagonal(u, blocks).map_err(stop)
     }
@@ -392,7 +428,7 @@ impl<const D: usize> Statics for ThinStructure<D> {
         self.work_open = true;
         self.saved_broken = self.broken;
         if self.brittle.is_some() {
-            self.saved_intact.clone_from(&self.body.intact);
+            self.body.save_intact(&mut self.saved_intact);
         }
         self.saved_plastic.clone_from(&self.body.plastic);
     }
@@ -401,7 +437,7 @@ impl<const D: usize> Statics for ThinStructure<D> {
         self.work_open = true;
         self.broken = self.saved_broken;
         if self.brittle.is_some() {
-            self.body.intact.clone_from(&self.saved_intact);
+            self.body.restore_intact(&self.saved_intact);
         }
         self.body.plastic.clone_from(&self.saved_plastic);
     }
@@ -485,8 +521,9 @@ impl<const D: usize> Simulated for ThinStructure<D> {
         if v.is_empty() {
             return balance;
         }
-        balance.kinetic = ordered_sum(u.len(), |q| 0.5 * self.mass[q] * v[q] * v[q]);
-        for p in 0..n {
+        let follows = |p: usize| self.body.dependent().get(p).copied().unwrap_or(false);
+        balance.kinetic = ordered_sum(u.len(), |q| if follows(q / D) { 0.0 } else { 0.5 * self.mass[q] * v[q] * v[q] });
+        for p in (0..n).filter(|&p| !follows(p)) {
             let x = self.body.layout().positions[p];
             let (u, w) = (self.spatial(&u[p * D..][..D]), self.spatial(&v[p * D..][..D]));
             let m = self.mass[p * D];

@@ -4,9 +4,10 @@ mod common;
 
 use common::*;
 use thin::beam::Beam;
+use thin::body::Thin;
 use thin::layout::{Layout, Parity};
 use thin::linear;
-use thin::loads::Condition;
+use thin::loads::{Action, Condition};
 use thin::pairs::Law;
 use thin::section::{ArmTable, Section, Weighting};
 use thin::structure::ThinStructure;
@@ -236,4 +237,47 @@ fn brittle_beam_by_load_steps() {
     assert!(curve[2].2.abs() < 1e-5, "{}", curve[2].2);
     let health = s.body.health();
     assert!((health[20], health[21], health[22]) == (0.0, 1.0 / 3.0, 2.0 / 3.0), "{health:?}");
+}
+
+#[test]
+fn sections_and_laws_by_point() {
+    // a stepped cantilever: EI = 2 to the middle, then 1, tip load: w = P (L³/3 · …) by Castigliano
+    let n = 161;
+    let bending: Vec<f64> = line(n).iter().map(|x| if x[0] < 0.5 { 2.0 } else { 1.0 }).collect();
+    let tables = [uniform(3), ArmTable { omega: vec![1.0, 0.5, 0.25], limit: vec![1.0; 3] }];
+    let table: Vec<u32> = line(n).iter().map(|x| u32::from(x[0] >= 0.5)).collect();
+    let layout = || Layout::line(&line(n)).unwrap().with_mirrors(&[mirror(0, 0.0, Parity::Even)]).unwrap();
+    let tip_load = |body: Thin<1>| {
+        let load = Condition::constant("tip", Action::Force { weights: vec![1.0] }, vec![n as u32 - 1], 0, 1.0);
+        solved(structure(body, vec![Condition::hold("clamp", vec![0], &[0]), load]))[n - 1]
+    };
+    let beam = Beam { bending: &bending, ..beam_of(&tables[0]) };
+    let w = tip_load(beam.build_sections(layout(), &tables, &table).unwrap());
+    // ∫ (1 − x)² dx/EI: half of (1 − 1/8)/3 with EI = 2, and 1/24
+    let exact = (1.0 - 0.125) / 6.0 + 1.0 / 24.0;
+    println!("stepped: {:.5}", w / exact);
+    assert!((w / exact - 1.0).abs() < 0.01, "{w} {exact}");
+    assert!(beam.build_sections::<1>(layout(), &tables, &table[1..]).is_err());
+    // a law for each point: what never yields may as well be elastic
+    let count = 6;
+    let arms = arms(Weighting::Layer, count);
+    let n = 41;
+    let layout = || Layout::line(&line(n)).unwrap().with_mirrors(&[mirror(0, 0.0, Parity::Even)]).unwrap();
+    let tip = |laws: Option<Vec<Law>>| {
+        let beam = Beam { limit_curvature: Some(&[1.0]), law: Law::ElasticPlastic, ..beam_of(&arms) };
+        let mut body: Thin<1> = beam.build(layout()).unwrap();
+        if let Some(laws) = laws {
+            body.set_laws(laws).unwrap();
+        }
+        let load = pressure(&body, 0, |_, t| 2.4 * t);
+        let mut s = structure(body, vec![Condition::hold("clamp", vec![0], &[0]), load]);
+        let mut u = vec![0.0; n];
+        follow(&mut s, (1..=20).map(|k| f64::from(k) / 20.0).collect(), &mut u, |_, _, _| {});
+        u[n - 1]
+    };
+    let whole = tip(None);
+    let root: Vec<Law> = (0..n).map(|p| if p < n / 2 { Law::ElasticPlastic } else { ELASTIC }).collect();
+    assert_eq!(whole, tip(Some(root)));
+    let elastic = tip(Some(vec![ELASTIC; n]));
+    assert!(whole > 1.005 * elastic, "{whole} {elastic}");
 }

@@ -1,7 +1,8 @@
 //! `solver`: how the problem is advanced.
+use super::conditions::Axis;
 use super::spectrum::Spectrum;
-use crate::deck::decode::{Auto, Context, choice, section};
-use crate::deck::quantity::{Count, Number, Quantity, Time};
+use crate::deck::decode::{Auto, Context, SetName, choice, section};
+use crate::deck::quantity::{Count, Length, Number, Quantity, Time};
 
 choice! {
     /// How the problem is advanced.
@@ -12,6 +13,10 @@ choice! {
         Statics(Statics) = "statics",
         /// Equilibrium by damped dynamics.
         DynamicRelaxation(DynamicRelaxation) = "dynamic_relaxation",
+        /// Natural vibrations about the reference state: the lowest frequencies and their modes.
+        Vibration(Vibration) = "vibration",
+        /// Linear buckling: the lowest factors of the load at which the reference state becomes unstable, and their modes.
+        Buckling(Buckling) = "buckling",
         /// No motion: which waves and modes cost no energy, and how waves travel.
         Spectrum(Spectrum) = "spectrum",
     }
@@ -48,6 +53,68 @@ section! {
         max_iterations: Count where POSITIVE = "30",
         /// Smallest load step, as a fraction of `end`.
         smallest_step: Quantity<Number> where FRACTION = "1e-4",
+        /// What is raised step by step: the load, or something that goes on growing where the load does not.
+        control: Control = "load",
+    }
+}
+
+choice! {
+    /// What is raised step by step.
+    pub enum Control as "a control" {
+        /// The load, in `load_steps` steps.
+        Load = "load",
+        /// The arc length of the path of equilibria (Riks), through limit points, until the load reaches `end`.
+        ArcLength(ArcLengthControl) = "arc_length",
+        /// The mean displacement of a set of points; the load follows, `end` tells its order of magnitude.
+        Displacement(DisplacementControl) = "displacement",
+    }
+}
+
+section! {
+    /// Arc length. A step of one changes the load by `end`, or displacements by as much as they have changed so far.
+    pub struct ArcLengthControl as "arc-length control" {
+        /// First step.
+        first_step: Quantity<Number> where POSITIVE = "0.02",
+        /// Largest step; steps grow and shrink with the difficulty.
+        largest_step: Quantity<Number> where POSITIVE = "0.05",
+        /// Steps after which the path is given up.
+        most_steps: Count where POSITIVE = "2000",
+    }
+}
+
+section! {
+    /// Displacement control.
+    pub struct DisplacementControl as "displacement control" {
+        /// The points whose mean displacement is raised.
+        over: SetName,
+        /// Its direction.
+        along: Axis,
+        /// The displacement at which the run ends.
+        end: Quantity<Length>,
+        /// Number of steps, if none must be cut.
+        steps: Count where POSITIVE = "50",
+    }
+}
+
+section! {
+    /// Natural vibrations.
+    pub struct Vibration as "a vibration solver" {
+        /// Number of modes.
+        modes: Count where POSITIVE = "6",
+        /// Largest relative change of an eigenvalue in the last iteration.
+        tolerance: Quantity<Number> where POSITIVE = "1e-10",
+    }
+}
+
+section! {
+    /// Linear buckling under the loads and prescribed displacements at load `end`; in a plate that moves across alone, under its `tension`.
+    pub struct Buckling as "a buckling solver" {
+        /// Number of modes.
+        modes: Count where POSITIVE = "3",
+        /// The load that is taken as one.
+        end: Quantity<Time> where POSITIVE = "1",
+        /// Largest relative change of a factor in the last iteration.
+        tolerance: Quantity<Number> where POSITIVE = "1e-10",
     }
 }
 

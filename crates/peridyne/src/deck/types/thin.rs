@@ -30,6 +30,19 @@ section! {
         yield_stress: Option<SpaceField<Pressure>> where POSITIVE,
         /// Curvature at which the beam yields or breaks: pairs at the horizon times this angle.
         limit_curvature: Option<SpaceField<Curvature>> where POSITIVE,
+        /// Shape that is free of stress, if not straight: an initially bent, shallow beam. The run starts in it, and displacements count from
+        /// the straight line.
+        shape: Option<BeamShape>,
+    }
+}
+
+section! {
+    /// A shape, as displacements from the straight line.
+    pub struct BeamShape as "a shape" {
+        /// Along the beam.
+        x: Option<SpaceField<Length>>,
+        /// Across the beam.
+        y: Option<SpaceField<Length>>,
     }
 }
 
