@@ -475,7 +475,16 @@ impl<const D: usize> Thin<D> {
     }
 
     /// The dense Hessian of pairs measured with the normal of the family, added to `dense`.
-    fn framed_tangent(&self, point: usize, state: &FrameState, u: &[f64], centre: &[f64; D], s: &mut Scratch, width: usize, dense: &mut [f64]) {
+    fn framed_tangent(
+        &self,
+        point: usize,
+        state: &FrameState,
+        u: &[f64],
+        centre: &[f64; D],
+        s: &mut Scratch,
+        width: usize,
+        dense: &mut [f64],
+    ) {
         let frames = self.frames.as_ref().expect("has frames");
         let (pairs, first_pair) = (self.pairs_of(point), self.starts[point]);
         let n = pairs.len();
@@ -978,8 +987,7 @@ impl<const D: usize> Thin<D> {
                 let arm = &self.arms[b.arm as usize];
                 stretch(&arm.vector, b.sign, arm.length, &eta)
             };
-            let theta: f64 =
-                if c == 0.0 { 0.0 } else { extension.family(point).map(|b| b.dilatation * at(b).extension).sum() };
+            let theta: f64 = if c == 0.0 { 0.0 } else { extension.family(point).map(|b| b.dilatation * at(b).extension).sum() };
             outer.fill(0.0);
             for b in extension.family(point) {
                 let y = at(b);

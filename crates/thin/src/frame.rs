@@ -116,9 +116,7 @@ pub(crate) fn normal_gradient<S: Scalar>(reference: &[V3; 2], da: &[S; 3], db: &
 
 /// Second derivatives of `q·n`: components of a, then of b.
 pub(crate) fn normal_second(reference: &[V3; 2], da: &V3, db: &V3, q: &V3) -> [[f64; 6]; 6] {
-    let seed = |v: &V3, at: usize| -> [Jet<6>; 3] {
-        array(|k| Jet { value: v[k], slope: array(|j| if j == at + k { 1.0 } else { 0.0 }) })
-    };
+    let seed = |v: &V3, at: usize| -> [Jet<6>; 3] { array(|k| Jet { value: v[k], slope: array(|j| if j == at + k { 1.0 } else { 0.0 }) }) };
     let [ga, gb] = normal_gradient(reference, &seed(da, 0), &seed(db, 3), q);
     array(|i| if i < 3 { ga[i].slope } else { gb[i - 3].slope })
 }
@@ -152,9 +150,7 @@ pub(crate) fn bent<S: Scalar>(planar: bool, bend: &Bend, plus: &[S; 3], minus: &
 
 /// Second derivatives of the angle of [`bent`]: components of the plus end, then of the minus end.
 pub(crate) fn bent_second(planar: bool, bend: &Bend, plus: &V3, minus: &V3) -> [[f64; 6]; 6] {
-    let seed = |v: &V3, at: usize| -> [Jet<6>; 3] {
-        array(|k| Jet { value: v[k], slope: array(|j| if j == at + k { 1.0 } else { 0.0 }) })
-    };
+    let seed = |v: &V3, at: usize| -> [Jet<6>; 3] { array(|k| Jet { value: v[k], slope: array(|j| if j == at + k { 1.0 } else { 0.0 }) }) };
     let (_, ga, gb) = bent(planar, bend, &seed(plus, 0), &seed(minus, 3));
     array(|i| if i < 3 { ga[i].slope } else { gb[i - 3].slope })
 }
@@ -212,7 +208,11 @@ mod tests {
         for k in 0..6 {
             let shift = |s: f64| {
                 let (mut a, mut b) = (da, db);
-                if k < 3 { a[k] += s } else { b[k - 3] += s }
+                if k < 3 {
+                    a[k] += s
+                } else {
+                    b[k - 3] += s
+                }
                 (a, b)
             };
             let e = 1e-6;

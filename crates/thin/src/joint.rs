@@ -151,18 +151,8 @@ impl<const D: usize> Thin<D> {
             extension.critical.clear();
         }
         let framed = frames.tangents.iter().any(Option::is_some);
-        let mut whole = Thin::assemble_framed(
-            layout,
-            ends,
-            arms,
-            starts,
-            pairs,
-            isotropic,
-            measure,
-            law,
-            kinematics,
-            framed.then_some(frames),
-        )?;
+        let mut whole =
+            Thin::assemble_framed(layout, ends, arms, starts, pairs, isotropic, measure, law, kinematics, framed.then_some(frames))?;
         (whole.intact, whole.plastic) = (intact, plastic);
         whole.extension = (D > 1).then_some(extension);
         whole.joints = (!joints.pairs.is_empty()).then_some(joints);

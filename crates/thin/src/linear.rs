@@ -84,7 +84,8 @@ pub fn longest_row<const D: usize>(body: &Thin<D>) -> usize {
     let layout = body.layout();
     if !layout.is_lattice() {
         // as many spacings as fit on the diagonal
-        let extent = (0..3).map(|k| layout.positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x[k]), b.max(x[k]))));
+        let extent =
+            (0..3).map(|k| layout.positions.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x[k]), b.max(x[k]))));
         let diagonal = extent.fold(0.0f64, |d, (low, high)| d.hypot(high - low));
         return (diagonal / layout.spacing[0]) as usize + 1;
     }

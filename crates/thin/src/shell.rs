@@ -542,10 +542,8 @@ impl Shell<'_> {
                     Far::Seen(q) => end_of(*q, &mut ends),
                     Far::Virtual(s) => {
                         report.virtual_points += 1;
-                        let stencil: Vec<(u32, [f64; D])> = s
-                            .iter()
-                            .map(|(q, w)| (seen[*q as usize].source, component(&seen[*q as usize].sign).map(|c| c * w)))
-                            .collect();
+                        let stencil: Vec<(u32, [f64; D])> =
+                            s.iter().map(|(q, w)| (seen[*q as usize].source, component(&seen[*q as usize].sign).map(|c| c * w))).collect();
                         ends.add(&stencil)
                     }
                 };
@@ -574,8 +572,7 @@ impl Shell<'_> {
             let membrane = self.membrane.map_or(0.0, |v| at(v, p));
             let shear = 0.5 * membrane / (1.0 + nu);
             let m: f64 = raw.bonds.iter().map(|b| b.weight * b.length * b.length).sum();
-            let (beta, c) =
-                if raw.isotropic_bonds { (8.0 * shear / m, 0.5 * shear * off / (1.0 - nu)) } else { (membrane / m, 0.0) };
+            let (beta, c) = if raw.isotropic_bonds { (8.0 * shear / m, 0.5 * shear * off / (1.0 - nu)) } else { (membrane / m, 0.0) };
             extension.dilatational[p] = measure * c;
             for b in &raw.bonds {
                 let end = end_of(b.end, &mut ends);
@@ -600,9 +597,8 @@ impl Shell<'_> {
         if pairs.is_empty() {
             return Err(ThinError::Isolated { count: n, point: 0, position: surface.positions[0] });
         }
-        let lonely = |p: &usize| {
-            starts[*p] == starts[*p + 1] && (D == 1 || extension.starts[*p + 1] - extension.starts[*p] < surface.dimension)
-        };
+        let lonely =
+            |p: &usize| starts[*p] == starts[*p + 1] && (D == 1 || extension.starts[*p + 1] - extension.starts[*p] < surface.dimension);
         let mut used = vec![false; n];
         for pair in &pairs {
             for end in [pair.plus, pair.minus] {

@@ -177,9 +177,8 @@ impl Surface {
                         let [k11, k12, k22] = curvature[p];
                         let r = [0, 1].map(|i| [0, 1].map(|j| dot(&new[i], &old[j])));
                         let k = [[k11, k12], [k12, k22]];
-                        let entry = |a: usize, b: usize| -> f64 {
-                            (0..2).map(|i| (0..2).map(|j| r[a][i] * k[i][j] * r[b][j]).sum::<f64>()).sum()
-                        };
+                        let entry =
+                            |a: usize, b: usize| -> f64 { (0..2).map(|i| (0..2).map(|j| r[a][i] * k[i][j] * r[b][j]).sum::<f64>()).sum() };
                         [entry(0, 0), entry(0, 1), entry(1, 1)]
                     })
                     .collect();
@@ -622,7 +621,12 @@ fn orient(positions: &[V3], mut normals: Vec<V3>, nearest: &[Vec<(f64, u32)>]) -
     match apart.first() {
         Some(&place) => {
             let remedy = "make them surfaces of their own, or give normals";
-            Err(ThinError::Mesh { what: "points are not connected with the rest, so their normals have no side", count: apart.len(), place, remedy })
+            Err(ThinError::Mesh {
+                what: "points are not connected with the rest, so their normals have no side",
+                count: apart.len(),
+                place,
+                remedy,
+            })
         }
         None => Ok(normals),
     }

@@ -15,6 +15,7 @@ use thin::plate::Limit;
 use thin::shell::{Horizon, Report, Shell, Turn};
 use thin::structure::{PointData, ThinStructure};
 use thin::surface::Surface;
+use thin::weights::Influence;
 
 /// Deterministic irregular displacements of a size.
 fn wiggle(n: usize, size: f64) -> Vec<f64> {
@@ -128,7 +129,7 @@ fn energies_forces_tangents() {
         ("cylinder", generate::cylinder(1.0, 1.5, [0.0, 2.0 * PI], [28, 6]).unwrap()),
         ("jittered cylinder", jittered(generate::cylinder(1.0, 1.0, [0.0, 1.5], [8, 6]).unwrap(), 0.25, &ROUND)),
         ("sphere", generate::sphere(1.0, [0.3, 1.4], [0.0, 2.0 * PI], 6).unwrap()),
-        ("torus", generate::torus(1.0, 0.5, [24, 14]).unwrap()),
+        ("torus", generate::torus(1.0, 0.6, [60, 40]).unwrap()),
     ];
     for (name, surface) in bodies {
         let mut shell = stiff(2.1, &rigidity, &membrane);
@@ -162,8 +163,11 @@ fn energies_forces_tangents() {
             ("jittered arc", jittered(generate::ring(1.0, [0.0, 2.0], 20).unwrap(), 0.2, &["start", "end"])),
             (
                 "arch",
-                generate::curve(&(0..31).map(|k| [f64::from(k) / 30.0, 0.2 * (PI * f64::from(k) / 30.0).sin(), 0.0]).collect::<Vec<_>>(), false)
-                    .unwrap(),
+                generate::curve(
+                    &(0..31).map(|k| [f64::from(k) / 30.0, 0.2 * (PI * f64::from(k) / 30.0).sin(), 0.0]).collect::<Vec<_>>(),
+                    false,
+                )
+                .unwrap(),
             ),
         ] {
             let (mut body, _): (Thin<2>, Report) = shell.build(&curve, &[]).unwrap();
@@ -178,8 +182,11 @@ fn energy_of_uniform_curvature() {
     for n in [20, 40] {
         let h = 1.0 / n as f64;
         let surface = jittered(generate::panel([1.0, 1.0], [n, n]).unwrap(), 0.25, &PANEL);
-        for (kind, nu) in [(Interpolation::Quadratic, 1.0 / 3.0), (Interpolation::Quadratic, 0.1), (Interpolation::Barycentric, 1.0 / 3.0)] {
-            let shell = Shell { interpolation: kind, membrane: None, ..Shell::new(Horizon::Length(3.0 * h), &[1.0], &[1.0], nu) };
+        let (quadratic, barycentric) = (Interpolation::Quadratic, Interpolation::Barycentric);
+        for (kind, nu, m) in
+            [(quadratic, 1.0 / 3.0, 3.0), (quadratic, 0.1, 3.0), (barycentric, 1.0 / 3.0, 3.0), (barycentric, 1.0 / 3.0, 2.0)]
+        {
+            let shell = Shell { interpolation: kind, membrane: None, ..Shell::new(Horizon::Length(m * h), &[1.0], &[1.0], nu) };
             let (body, report): (Thin<1>, Report) = shell.build(&surface, &[]).unwrap();
             let (mut worst, mut square, mut count) = (0.0f64, 0.0, 0);
             let mut each = vec![];
@@ -200,9 +207,13 @@ fn energy_of_uniform_curvature() {
             }
             let rms = (square / f64::from(count)).sqrt();
             let part = f64::from(count) / 4.0 / surface.len() as f64;
-            println!("n={n} ν={nu:.2} {kind:?}: worst {worst:.2e}, rms {rms:.3e} {each:?}, {:.1} % of points correctable, {report:?}", 100.0 * part, report = (report.pairs, report.virtual_points, report.outside, report.uncorrected, report.single_line));
+            println!(
+                "n={n} m={m} ν={nu:.2} {kind:?}: worst {worst:.2e}, rms {rms:.3e} {each:?}, {:.1} % of points correctable, {report:?}",
+                100.0 * part,
+                report = (report.pairs, report.virtual_points, report.outside, report.uncorrected, report.single_line)
+            );
             // points on edges have pairs along these alone
-            assert!(part > 0.7);
+            assert!(part > 0.6);
             match kind {
                 Interpolation::Quadratic => assert!(worst < 1e-12 * (n * n) as f64 / 100.0, "{worst}"),
                 _ => assert!(rms > 0.05 && rms < 0.5 && worst > 0.3, "{rms}"),
@@ -398,7 +409,12 @@ fn hemisphere(cells: usize, ratio: f64) -> f64 {
     let (d, membrane) = ([e * h * h * h / (12.0 * (1.0 - nu * nu))], [e * h]);
     let shell = Shell::new(Horizon::Length(ratio * surface.spacing[surface.len() - 1]), &d, &membrane, nu);
     let (body, report): (Thin<3>, Report) = shell.build(&surface, &[even(0, 0.0), even(1, 0.0)]).unwrap();
-    println!("{} points, {report:?}, warnings {:?}", body.points(), report.warnings(), report = (report.pairs, report.virtual_points, report.outside, report.uncorrected, report.single_line, report.without_pairs));
+    println!(
+        "{} points, {report:?}, warnings {:?}",
+        body.points(),
+        report.warnings(),
+        report = (report.pairs, report.virtual_points, report.outside, report.uncorrected, report.single_line, report.without_pairs)
+    );
     let outer = surface.set("outer");
     let (first, last) = (outer[0], outer[outer.len() - 1]);
     let conditions = vec![
@@ -418,7 +434,23 @@ fn hemisphere_with_hole() {
     // 0.0940 is the reference of MacNeal and Harder (1985); later analyses have 0.0930
     let w = [24, 36, 54].map(|n| hemisphere(n, 2.1));
     println!("cells 24, 36, 54: {w:.5?}, ratios {:.4?}", w.map(|w| w / 0.094));
-    assert!((w[2] / 0.094 - 1.0).abs() < 0.05);
+    assert!((w[2] / 0.094 - 1.0).abs() < 0.02);
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn hemisphere_fine() {
+    let w = [60, 80, 110].map(|n| hemisphere(n, 2.1));
+    println!("cells 60, 80, 110: {w:.5?}, ratios to 0.0940 {:.4?}, to 0.0930 {:.4?}", w.map(|w| w / 0.094), w.map(|w| w / 0.093));
+    assert!((w[2] / 0.094 - 1.0).abs() < 0.02);
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn scordelis_lo_fine() {
+    let w = [30, 60, 90].map(|n| roof(n, 2.0));
+    println!("cells 30, 60, 90: {w:.4?}, ratios {:.4?}", w.map(|w| w / 0.3024));
+    assert!((w[2] / 0.3024 - 1.0).abs() < 0.01);
 }
 
 /// Centre deflection of the simply supported square plate under unit pressure, D = a = 1.
@@ -460,7 +492,14 @@ fn centre(surface: &Surface, w: &[f64]) -> f64 {
 
 fn supported_plate(surface: &Surface, shell: &Shell, mirrors: &[Mirror]) -> f64 {
     let (body, report): (Thin<1>, Report) = shell.build(surface, mirrors).unwrap();
-    println!("{} points, {} pairs, {} virtual, {} outside, {} uncorrected", surface.len(), report.pairs, report.virtual_points, report.outside, report.uncorrected);
+    println!(
+        "{} points, {} pairs, {} virtual, {} outside, {} uncorrected",
+        surface.len(),
+        report.pairs,
+        report.virtual_points,
+        report.outside,
+        report.uncorrected
+    );
     let edges: Vec<u32> = PANEL.iter().flat_map(|e| surface.set(e).to_vec()).collect();
     let conditions = vec![pressure(&body, 0, |_, _| 1.0), Condition::hold("edges", edges, &[0])];
     centre(surface, &solved(structure(body, conditions))) / NAVIER
@@ -491,26 +530,26 @@ fn plates_on_clouds() {
 
 #[test]
 fn patch_on_a_cloud() {
-    // a uniform curvature prescribed near the edges
+    // a uniform curvature prescribed over two horizons from the edges; forces of a cloud balance up to its irregularity, the less the smoother
+    // the influence function
     let mut errors = vec![];
     for n in [20, 40] {
         let h = 1.0 / n as f64;
         let cloud = jittered(generate::panel([1.0, 1.0], [n, n]).unwrap(), 0.25, &PANEL);
         let field = |x: &[f64; 3]| 0.5 * x[0] * x[0] - 0.3 * x[0] * x[1] + 0.2 * x[1] * x[1];
-        let mut row = vec![];
-        for layer in [3.0, 6.0] {
-            let (body, _): (Thin<1>, Report) = across(Horizon::Length(3.0 * h), 1.0 / 3.0).build(&cloud, &[]).unwrap();
-            let edge = cloud.points_where(|x| (0..2).any(|k| x[k].min(1.0 - x[k]) < layer * h));
+        let row = [Influence::Conical, Influence::Constant].map(|influence| {
+            let shell = Shell { influence, ..across(Horizon::Length(3.0 * h), 1.0 / 3.0) };
+            let (body, _): (Thin<1>, Report) = shell.build(&cloud, &[]).unwrap();
+            let edge = cloud.points_where(|x| (0..2).any(|k| x[k].min(1.0 - x[k]) < 6.0 * h));
             let condition = Condition::new("edge", Action::Displacement, edge, 0, move |x, _| field(&x));
             let w = solved(structure(body, vec![condition]));
-            let worst = cloud.positions.iter().zip(&w).map(|(x, w)| (w - field(x)).abs()).fold(0.0, f64::max);
-            row.push(worst / 0.5);
-        }
-        let shown: Vec<String> = row.iter().map(|e| format!("{e:.2e}")).collect();
-        println!("n={n}: error {shown:?} with one and two horizons prescribed (an independent one has 8e-4 and 2.4e-4)");
+            cloud.positions.iter().zip(&w).map(|(x, w)| (w - field(x)).abs()).fold(0.0, f64::max) / 0.5
+        });
+        println!("n={n}: error conical {:.2e}, constant {:.2e} (an independent one has 8e-4 and 2.4e-4)", row[0], row[1]);
         errors.push(row);
     }
-    assert!(errors[1][0] < 3e-4 && errors[1][0] < errors[0][0]);
+    // 7.6e-4 and 2.4e-4; constant 9.6e-4 and 4.6e-4
+    assert!(errors[1][0] < 3e-4 && errors[0][0] < 9e-4 && errors[1][1] < 6e-4 && errors[1][1] < errors[0][1]);
 }
 
 #[test]
@@ -522,7 +561,10 @@ fn two_resolutions() {
         let coarse = supported_plate(&generate::panel([1.0, 1.0], [40, 40]).unwrap(), &shell, &mirrors);
         for split in [0.3, 0.5, 0.7] {
             let both = supported_plate(&generate::two_resolution_panel([1.0, 1.0], [80, 80], split).unwrap(), &shell, &mirrors);
-            println!("m={ratio}, fine to {split}: fine {fine:.5}, coarse {coarse:.5}, both {both:.5}, {:.3} %", 100.0 * (both / fine - 1.0));
+            println!(
+                "m={ratio}, fine to {split}: fine {fine:.5}, coarse {coarse:.5}, both {both:.5}, {:.3} %",
+                100.0 * (both / fine - 1.0)
+            );
             // where the centre lies on the transition, deflections have its local error, of the order of δ² times the curvature
             assert!((both / fine - 1.0).abs() < if split == 0.5 && ratio == 3.0 { 0.015 } else { 0.01 });
         }
@@ -558,58 +600,62 @@ fn graded_beams() {
 fn frames_of_plates() {
     // two plates at a right angle in cylindrical bending: the foot clamped, a force across at the top: P L³/3D + P L² L/D
     let frame = |cells: usize, hinge: bool| {
-    let (length, width) = (1.0, 4);
-    let h = length / cells as f64;
-    let panel = generate::panel([length, width as f64 * h], [cells, width]).unwrap();
-    let membrane = [12.0 / 0.02f64.powi(2)];
-    let shell = Shell::new(Horizon::Length(2.0 * h), &[1.0], &membrane, 0.0);
-    let sides = [even(1, 0.0), even(1, width as f64 * h)];
-    let clamp = [even(1, 0.0), even(1, width as f64 * h), even(0, 0.0)];
-    let wall = panel.moved([length, 0.0, 0.0], [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]).unwrap();
-    let n = panel.len() as u32;
-    let deflection = |stiff: bool| {
-        let floor: Thin<3> = shell.build(&panel, &clamp).unwrap().0;
-        let up: Thin<3> = shell.build(&wall, &sides).unwrap().0;
-        let mut body = Thin::join(vec![floor, up]).unwrap();
-        let (line, foot): (Vec<u32>, Vec<u32>) = (panel.set("x_max").to_vec(), wall.set("x_min").iter().map(|p| p + n).collect());
-        let ties = body.coincident(&foot, &line, 1e-9);
-        assert_eq!(ties.len(), foot.len());
-        body.tie(&ties).unwrap();
-        if stiff {
-            let along: Vec<(u32, f64)> =
-                line.iter().enumerate().map(|(k, &p)| (p, if k == 0 || k == line.len() - 1 { 0.5 * h } else { h })).collect();
-            let (one, other): (Vec<u32>, Vec<u32>) = ((0..n).collect(), (n..2 * n).collect());
-            let pairs = body.stiff_joint(&along, &one, &other, 2.0 * h, 1.0);
-            assert_eq!(pairs.len(), 2 * line.len());
-            body.add_joint_pairs(&pairs).unwrap();
-            contract("frame of plates", &mut body, 0.1 * h, false);
-        }
-        let all: Vec<u32> = (0..2 * n).collect();
-        let side: Vec<u32> = all.iter().copied().filter(|&p| {
-            let y = body.layout().positions[p as usize][1];
-            y < 1e-9 || y > width as f64 * h - 1e-9
-        }).collect();
-        let top: Vec<u32> = wall.set("x_max").iter().map(|p| p + n).collect();
-        let weights: Vec<f64> = (0..top.len()).map(|k| if k == 0 || k == top.len() - 1 { 0.5 * h } else { h }).collect();
-        let mut conditions = vec![
-            Condition::hold("clamp", panel.set("x_min").to_vec(), &[0, 1, 2]),
-            Condition::hold("sides", side, &[1]),
-            Condition::constant("push", Action::Force { weights }, top.clone(), 0, 1.0),
-        ];
-        if !stiff {
-            // a hinge leaves the wall free to fall: hold its top
-            conditions.push(Condition::hold("top", top.clone(), &[0]));
-        }
-        let (mut s, u) = solve3(body, conditions);
-        if !stiff {
-            // the reaction at the top takes all of the force, as nothing bends
-            let r = s.resultant_components(3, 1.0, &u);
-            println!("hinge: reaction {r:.3?}");
-            return r[0];
-        }
-        u[3 * top[2] as usize]
-    };
-    if hinge { deflection(false) / (width as f64 * h) } else { deflection(true) * 0.75 }
+        let (length, width) = (1.0, 4);
+        let h = length / cells as f64;
+        let panel = generate::panel([length, width as f64 * h], [cells, width]).unwrap();
+        let membrane = [12.0 / 0.02f64.powi(2)];
+        let shell = Shell::new(Horizon::Length(2.0 * h), &[1.0], &membrane, 0.0);
+        let sides = [even(1, 0.0), even(1, width as f64 * h)];
+        let clamp = [even(1, 0.0), even(1, width as f64 * h), even(0, 0.0)];
+        let wall = panel.moved([length, 0.0, 0.0], [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]).unwrap();
+        let n = panel.len() as u32;
+        let deflection = |stiff: bool| {
+            let floor: Thin<3> = shell.build(&panel, &clamp).unwrap().0;
+            let up: Thin<3> = shell.build(&wall, &sides).unwrap().0;
+            let mut body = Thin::join(vec![floor, up]).unwrap();
+            let (line, foot): (Vec<u32>, Vec<u32>) = (panel.set("x_max").to_vec(), wall.set("x_min").iter().map(|p| p + n).collect());
+            let ties = body.coincident(&foot, &line, 1e-9);
+            assert_eq!(ties.len(), foot.len());
+            body.tie(&ties).unwrap();
+            if stiff {
+                let along: Vec<(u32, f64)> =
+                    line.iter().enumerate().map(|(k, &p)| (p, if k == 0 || k == line.len() - 1 { 0.5 * h } else { h })).collect();
+                let (one, other): (Vec<u32>, Vec<u32>) = ((0..n).collect(), (n..2 * n).collect());
+                let pairs = body.stiff_joint(&along, &one, &other, 2.0 * h, 1.0);
+                assert_eq!(pairs.len(), 2 * line.len());
+                body.add_joint_pairs(&pairs).unwrap();
+                contract("frame of plates", &mut body, 0.1 * h, false);
+            }
+            let all: Vec<u32> = (0..2 * n).collect();
+            let side: Vec<u32> = all
+                .iter()
+                .copied()
+                .filter(|&p| {
+                    let y = body.layout().positions[p as usize][1];
+                    y < 1e-9 || y > width as f64 * h - 1e-9
+                })
+                .collect();
+            let top: Vec<u32> = wall.set("x_max").iter().map(|p| p + n).collect();
+            let weights: Vec<f64> = (0..top.len()).map(|k| if k == 0 || k == top.len() - 1 { 0.5 * h } else { h }).collect();
+            let mut conditions = vec![
+                Condition::hold("clamp", panel.set("x_min").to_vec(), &[0, 1, 2]),
+                Condition::hold("sides", side, &[1]),
+                Condition::constant("push", Action::Force { weights }, top.clone(), 0, 1.0),
+            ];
+            if !stiff {
+                // a hinge leaves the wall free to fall: hold its top
+                conditions.push(Condition::hold("top", top.clone(), &[0]));
+            }
+            let (mut s, u) = solve3(body, conditions);
+            if !stiff {
+                // the reaction at the top takes all of the force, as nothing bends
+                let r = s.resultant_components(3, 1.0, &u);
+                println!("hinge: reaction {r:.3?}");
+                return r[0];
+            }
+            u[3 * top[2] as usize]
+        };
+        if hinge { deflection(false) / (width as f64 * h) } else { deflection(true) * 0.75 }
     };
     let d = [20, 40, 80].map(|n| frame(n, false));
     println!("frame over theory: {d:.5?}");
@@ -676,7 +722,12 @@ fn plastic_in_space() {
     // a flat shell without membrane is the plastic plate across
     let n = 12;
     let surface = generate::panel([1.0, 1.0], [n, n]).unwrap();
-    let make = |membrane| Shell { limit: Limit::Layers(&[1e-5]), law: Law::ElasticPlastic, membrane: Some(membrane), ..Shell::new(Horizon::Ratio(2.0), &[1.0], &[1.0], 0.2) };
+    let make = |membrane| Shell {
+        limit: Limit::Layers(&[1e-5]),
+        law: Law::ElasticPlastic,
+        membrane: Some(membrane),
+        ..Shell::new(Horizon::Ratio(2.0), &[1.0], &[1.0], 0.2)
+    };
     let (mut flat, _): (Thin<1>, Report) = make(&[1e-9]).build(&surface, &[]).unwrap();
     let (mut space, _): (Thin<3>, Report) = make(&[1e-9]).build(&surface, &[]).unwrap();
     let w: Vec<f64> = surface.positions.iter().map(|x| 1e-5 * (x[0] * x[0] * 3.0 * x[1] + x[1] * x[1] * 0.8)).collect();
@@ -739,10 +790,9 @@ fn surfaces() {
     let hole = generate::remove(&generate::panel([1.0, 1.0], [20, 20]).unwrap(), |x| (x[0] - 0.5).hypot(x[1] - 0.5) < 0.2);
     assert_eq!(hole.boundary_curves().len(), 2);
     // from triangles: areas, normals and curvatures of a sphere and of a torus
-    for (exact, radius) in [
-        (generate::sphere(2.0, [0.0, PI], [0.0, 2.0 * PI], 40).unwrap(), 2.0),
-        (generate::torus(2.0, 0.5, [120, 30]).unwrap(), 0.5),
-    ] {
+    for (exact, radius) in
+        [(generate::sphere(2.0, [0.0, PI], [0.0, 2.0 * PI], 40).unwrap(), 2.0), (generate::torus(2.0, 0.5, [120, 30]).unwrap(), 0.5)]
+    {
         let (vertices, triangles) = mesh(&exact);
         let s = Surface::from_triangles(&vertices, &triangles, 0.5).unwrap();
         near(total(&s), total(&exact), 1e-2);
@@ -829,7 +879,7 @@ fn bad_surfaces() {
     assert!(matches!(built, Err(ThinError::Curvature { relative, .. }) if (relative - 0.7).abs() < 1e-12), "{built:?}");
     let built = Shell::new(Horizon::Length(0.01), &[1.0], &[1.0], 0.3).build::<3>(&ring, &[]).map(|b| b.1);
     assert!(matches!(built, Err(ThinError::Horizon { .. })));
-    let cut = Shell::new(Horizon::Ratio(2.0), &[1.0], &[1.0], 0.3).build::<3>(&ring, &[even(0, 0.3)]).map(|b| b.1);
+    let cut = Shell::new(Horizon::Length(0.4), &[1.0], &[1.0], 0.3).build::<3>(&ring, &[even(0, 0.3)]).map(|b| b.1);
     assert!(matches!(cut, Err(ThinError::Mirror { .. })));
     let across = Shell::new(Horizon::Ratio(2.0), &[1.0], &[1.0], 0.3).build::<1>(&ring, &[]).map(|b| b.1);
     assert!(matches!(across, Err(ThinError::Unsupported { .. })));
