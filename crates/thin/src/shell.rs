@@ -62,8 +62,8 @@ pub enum Turn {
     /// Change of normal curvature. The default.
     #[default]
     NormalCurvature,
-    /// The angle between the arms, less that of the reference: an initially bent plate or beam. In space the reference angle should not be
-    /// small, as an angle between vectors has no sign.
+    /// The angle between the arms, less that of the reference: an initially bent plate or beam. In space pairs of a reference angle below 0.02
+    /// are measured by normal curvature, as an angle between vectors has no sign.
     Angle,
 }
 
@@ -151,7 +151,8 @@ impl Report {
                 (2.0 * value).sqrt()
             ));
         }
-        if self.without_pairs > 0 {
+        // ends of beams and corners never have any
+        if 20 * self.without_pairs > self.corrected.len() {
             list.push(format!(
                 "{} points have no bond pair and resist bending only as ends of the pairs of others (edges and corners)",
                 self.without_pairs
@@ -215,6 +216,9 @@ struct Raw {
     framed: bool,
 }
 
+/// Reference angle of a pair in space below which it is measured by its normal curvature: an angle between vectors has no sign and a kink at
+/// zero.
+const LEAST_ANGLE: f64 = 0.02;
 /// Smallest factor of a correction that is used.
 const LEAST_FACTOR: f64 = 0.1;
 /// Beyond the horizon, points this many spacings away serve virtual points.
@@ -561,7 +565,7 @@ impl Shell<'_> {
                     if self.turn == Turn::Angle {
                         let mut bend = Bend { plus: b.arms[0], minus: b.arms[1], angle: 0.0 };
                         bend.angle = bent(D == 2, &bend, &[0.0; 3], &[0.0; 3]).0;
-                        frames.bends.push(bend);
+                        frames.bends.push((D == 2 || bend.angle > LEAST_ANGLE).then_some(bend));
                     }
                 }
             }

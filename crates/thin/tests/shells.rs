@@ -144,6 +144,11 @@ fn energies_forces_tangents() {
         assert!(body.plastic_angles().iter().any(|a| *a != 0.0));
         contract_at(&format!("{name}, plastic"), &mut body, 0.05 * h, true, 1e-6);
     }
+    // an initially bent cylinder: angles around, normal curvatures along
+    let cylinder = generate::cylinder(1.0, 1.5, [0.0, 2.0 * PI], [28, 6]).unwrap();
+    let bent = Shell { turn: Turn::Angle, ..stiff(2.1, &rigidity, &membrane) };
+    let (mut body, _): (Thin<3>, Report) = bent.build(&cylinder, &[]).unwrap();
+    contract("bent cylinder", &mut body, 0.01, true);
     // planes of symmetry
     let quarter = jittered(generate::cylinder(1.0, 1.0, [0.0, 0.5 * PI], [8, 6]).unwrap(), 0.2, &ROUND);
     let mirrors = [
@@ -912,5 +917,145 @@ fn roof_from_triangles() {
         let ratio = -u[3 * edge as usize] / 0.3024;
         println!("{name}: {ratio:.4}, {} pairs, {} virtual, warnings {:?}", report.pairs, report.virtual_points, report.warnings());
         assert!((ratio - 1.0).abs() < 0.05);
+    }
+}
+
+#[test]
+fn elastica_of_a_strip() {
+    // a clamped strip in space that bends far; EI = 1 per width, tip deflections of the elastica
+    let exact: [(f64, f64); 4] = [(1.0, 0.301721), (2.0, 0.493457), (5.0, 0.713792), (10.0, 0.810609)];
+    for cells in [20, 40] {
+        let h = 1.0 / cells as f64;
+        let b = 2.0 * h;
+        let panel = generate::panel([1.0, b], [cells, 2]).unwrap();
+        let shell = Shell::new(Horizon::Length(2.0 * h), &[1.0], &[1e4], 0.0);
+        let body: Thin<3> = shell.build(&panel, &[even(1, 0.0), even(1, b), even(0, 0.0)]).unwrap().0;
+        let end = panel.set("x_max").to_vec();
+        let weights = vec![0.25, 0.5, 0.25];
+        let sides: Vec<u32> = panel.points_where(|x| x[1] < 1e-9 || x[1] > b - 1e-9);
+        let conditions = vec![
+            Condition::hold("clamp", panel.set("x_min").to_vec(), &[0, 1, 2]),
+            Condition::hold("sides", sides, &[1]),
+            Condition::new("push", Action::Force { weights }, end.clone(), 2, move |_, t| b * t),
+        ];
+        let mut s = ThinStructure::new(body, PointData::default(), conditions, None, 10.0).unwrap();
+        let mut u = vec![0.0; 3 * panel.len()];
+        let mut found = vec![];
+        follow(&mut s, vec![0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0], &mut u, |_, report, u| {
+            if let Some(e) = exact.iter().find(|e| (e.0 - report.time).abs() < 1e-9) {
+                found.push(u[3 * end[1] as usize + 2] / e.1);
+            }
+        });
+        println!("cells {cells}: {found:.5?}");
+        assert!(found.len() == 4 && found.iter().all(|r| (r - 1.0).abs() < if cells == 40 { 0.005 } else { 0.02 }));
+    }
+}
+
+#[test]
+fn stiffened_strip() {
+    // a strip in cylindrical bending with a beam as stiff along its middle: half the deflection of the strip alone
+    let (cells, width) = (40, 4);
+    let h = 1.0 / cells as f64;
+    let b = width as f64 * h;
+    let panel = generate::panel([1.0, b], [cells, width]).unwrap();
+    let membrane = [12.0 / 0.02f64.powi(2)];
+    let shell = Shell::new(Horizon::Length(2.0 * h), &[1.0], &membrane, 0.0);
+    let along: Vec<[f64; 3]> = (0..=cells).map(|k| [k as f64 * h, 0.5 * b, 0.0]).collect();
+    let arms = uniform(2);
+    let (bending, axial) = ([b], [b * membrane[0]]);
+    let beam = thin::beam::Beam { bending: &bending, axial: Some(&axial), ..beam_of(&arms) };
+    let n = panel.len() as u32;
+    let tip = |stiffened: bool| {
+        let mut body: Thin<3> = shell.build(&panel, &[even(1, 0.0), even(1, b), even(0, 0.0)]).unwrap().0;
+        if stiffened {
+            body = Thin::join(vec![body, stiffener_of(&along, &beam)]).unwrap();
+            let (followers, leaders): (Vec<u32>, Vec<u32>) = ((n..n + along.len() as u32).collect(), (0..n).collect());
+            let ties = body.coincident(&followers, &leaders, 1e-9);
+            assert_eq!(ties.len(), along.len());
+            body.tie(&ties).unwrap();
+            contract("stiffened strip", &mut body, 0.05 * h, false);
+        }
+        let end = panel.set("x_max").to_vec();
+        let weights: Vec<f64> = (0..end.len()).map(|k| if k == 0 || k + 1 == end.len() { 0.5 * h } else { h }).collect();
+        let sides: Vec<u32> = panel.points_where(|x| x[1] < 1e-9 || x[1] > b - 1e-9);
+        let conditions = vec![
+            Condition::hold("clamp", panel.set("x_min").to_vec(), &[0, 1, 2]),
+            Condition::hold("sides", sides, &[1]),
+            Condition::constant("push", Action::Force { weights }, end.clone(), 2, 1.0),
+        ];
+        let (_, u) = solve3(body, conditions);
+        u[3 * end[2] as usize + 2]
+    };
+    let (bare, stiffened) = (tip(false), tip(true));
+    println!("strip {bare:.5} of {:.5}, stiffened {:.5} of that", 1.0 / 3.0, stiffened / bare);
+    assert!((bare * 3.0 - 1.0).abs() < 0.01 && (stiffened / bare - 0.5).abs() < 0.005);
+}
+
+fn stiffener_of(along: &[[f64; 3]], beam: &thin::beam::Beam) -> Thin<3> {
+    beam.build(thin::layout::Layout::line(along).unwrap().with_mirrors(&[even(0, 0.0)]).unwrap()).unwrap()
+}
+
+/// Largest load of a pinned half-sine arch under a load of the same shape: q₀ L⁴/(2 ρ EI π⁴), ρ the radius of gyration.
+fn snap_through(n: usize, lambda: f64) -> f64 {
+    use solvers::direct::SparseCholesky;
+    let rise = 0.02;
+    let rho = rise / (2.0 * lambda);
+    let points: Vec<[f64; 3]> = (0..n).map(|k| k as f64 / (n - 1) as f64).map(|x| [x, rise * (PI * x).sin(), 0.0]).collect();
+    let arch = generate::curve(&points, false).unwrap();
+    let axial = [1.0 / (rho * rho)];
+    let (mut body, report): (Thin<2>, Report) = Shell::new(Horizon::Ratio(3.0), &[1.0], &axial, 0.3).build(&arch, &[]).unwrap();
+    assert!(report.warnings().is_empty(), "{:?}", report.warnings());
+    let middle = 2 * (n / 2) + 1;
+    let mut fixed = vec![false; 2 * n];
+    [0, 1, 2 * n - 2, 2 * n - 1, middle].into_iter().for_each(|q| fixed[q] = true);
+    let unit: Vec<f64> = (0..2 * n).map(|q| if q % 2 == 1 { -arch.measure[q / 2] * (PI * points[q / 2][0]).sin() } else { 0.0 }).collect();
+    let pattern = body.pattern().unwrap();
+    let positions: Vec<f64> = points.iter().flat_map(|x| [x[0], x[1]]).collect();
+    let (mut u, mut q, mut peak) = (vec![0.0; 2 * n], 0.0, 0.0f64);
+    let (mut f, mut row) = (vec![0.0; 2 * n], vec![0.0; 2 * n]);
+    for step in 1..=60 {
+        u[middle] = -1.2 * rise * f64::from(step) / 60.0;
+        for _ in 0..30 {
+            // the middle is prescribed and the load is what leaves it without reaction
+            body.force(&u, &mut f);
+            let residual: Vec<f64> = f.iter().zip(&unit).map(|(f, p)| f + q * p).collect();
+            let mut k = solvers::sparse::BlockMatrix::new(pattern.clone());
+            body.tangent(&u, &mut k).unwrap();
+            let mut factor = SparseCholesky::analyze(pattern.clone(), &positions, &fixed, 1).unwrap();
+            factor.factor(&k, None).unwrap();
+            let mut solve = |b: &[f64]| {
+                let mut x = vec![0.0; 2 * n];
+                factor.solve(b, &mut x).unwrap();
+                x
+            };
+            let (a, b) = (solve(&residual), solve(&unit));
+            k.product(&a, &mut row);
+            let rest = residual[middle] - row[middle];
+            k.product(&b, &mut row);
+            let change = -rest / (unit[middle] - row[middle]);
+            q += change;
+            let mut moved = 0.0f64;
+            for d in 0..2 * n {
+                let du = a[d] + change * b[d];
+                u[d] += du;
+                moved = moved.max(du.abs());
+            }
+            if moved < 1e-10 * rise {
+                break;
+            }
+        }
+        peak = peak.max(q);
+    }
+    peak / (2.0 * rho * PI.powi(4))
+}
+
+#[test]
+fn arch_snaps_through() {
+    // one-term solution, exact for this load: λ + √(4 (λ² − 1)³/27), λ = rise/2ρ
+    for lambda in [1.5, 2.0, 2.3] {
+        let exact = lambda + (4.0 * (lambda * lambda - 1.0f64).powi(3) / 27.0).sqrt();
+        let r = [41, 81].map(|n| snap_through(n, lambda) / exact);
+        println!("λ={lambda}: {r:.5?} of {exact:.4}");
+        assert!((r[1] - 1.0).abs() < 0.02 && (r[1] - 1.0).abs() < (r[0] - 1.0).abs() + 1e-3);
     }
 }
