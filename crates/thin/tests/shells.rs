@@ -1000,14 +1000,16 @@ fn snap_through(n: usize, lambda: f64) -> f64 {
     use solvers::direct::SparseCholesky;
     let rise = 0.02;
     let rho = rise / (2.0 * lambda);
-    let points: Vec<[f64; 3]> = (0..n).map(|k| k as f64 / (n - 1) as f64).map(|x| [x, rise * (PI * x).sin(), 0.0]).collect();
+    let points: Vec<[f64; 3]> = (0..n).map(|k| 0.5 * k as f64 / (n - 1) as f64).map(|x| [x, rise * (PI * x).sin(), 0.0]).collect();
     let arch = generate::curve(&points, false).unwrap();
     let axial = [1.0 / (rho * rho)];
-    let (mut body, report): (Thin<2>, Report) = Shell::new(Horizon::Ratio(3.0), &[1.0], &axial, 0.3).build(&arch, &[]).unwrap();
+    // pinned, and symmetric about the crown: unsymmetric modes are left out
+    let pins = [mirror(0, 0.0, Parity::Turned), even(0, 0.5)];
+    let (mut body, report): (Thin<2>, Report) = Shell::new(Horizon::Ratio(3.0), &[1.0], &axial, 0.3).build(&arch, &pins).unwrap();
     assert!(report.warnings().is_empty(), "{:?}", report.warnings());
-    let middle = 2 * (n / 2) + 1;
+    let middle = 2 * n - 1;
     let mut fixed = vec![false; 2 * n];
-    [0, 1, 2 * n - 2, 2 * n - 1, middle].into_iter().for_each(|q| fixed[q] = true);
+    [0, 1, 2 * n - 2, middle].into_iter().for_each(|q| fixed[q] = true);
     let unit: Vec<f64> = (0..2 * n).map(|q| if q % 2 == 1 { -arch.measure[q / 2] * (PI * points[q / 2][0]).sin() } else { 0.0 }).collect();
     let pattern = body.pattern().unwrap();
     let positions: Vec<f64> = points.iter().flat_map(|x| [x[0], x[1]]).collect();
@@ -1054,8 +1056,8 @@ fn arch_snaps_through() {
     // one-term solution, exact for this load: λ + √(4 (λ² − 1)³/27), λ = rise/2ρ
     for lambda in [1.5, 2.0, 2.3] {
         let exact = lambda + (4.0 * (lambda * lambda - 1.0f64).powi(3) / 27.0).sqrt();
-        let r = [41, 81].map(|n| snap_through(n, lambda) / exact);
+        let r = [21, 41, 81].map(|n| snap_through(n, lambda) / exact);
         println!("λ={lambda}: {r:.5?} of {exact:.4}");
-        assert!((r[1] - 1.0).abs() < 0.02 && (r[1] - 1.0).abs() < (r[0] - 1.0).abs() + 1e-3);
+        assert!((r[1] - 1.0).abs() < 0.02 && (r[2] - 1.0).abs() < (r[1] - 1.0).abs());
     }
 }
