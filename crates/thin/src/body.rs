@@ -504,7 +504,7 @@ impl<const D: usize> Thin<D> {
         let frames = self.frames.as_ref().expect("has frames");
         let (p, m) = self.differences(pair, centre, u);
         let chord = &frames.chords[q];
-        if let Some(bend) = frames.bends.get(q) {
+        if let Some(bend) = frames.bend(q) {
             let angle = frame::bent(D == 2, bend, &three(&p), &three(&m)).0;
             return (angle - bend.angle, *chord);
         }
@@ -542,7 +542,7 @@ impl<const D: usize> Thin<D> {
                 continue;
             }
             let (mut fp, mut fm) = ([0.0; D], [0.0; D]);
-            if let Some(bend) = frames.bends.get(first_pair + k) {
+            if let Some(bend) = frames.bend(first_pair + k) {
                 let (p, m) = self.differences(pair, centre, u);
                 let (_, gp, gm) = frame::bent(D == 2, bend, &three(&p), &three(&m));
                 (0..D).for_each(|c| (fp[c], fm[c]) = (-g * gp[c], -g * gm[c]));
@@ -613,9 +613,10 @@ impl<const D: usize> Thin<D> {
             let length = self.arms[pair.arm as usize].length;
             let (_, chord) = self.framed_angle(state, first_pair + k, pair, centre, u);
             let ends = [(pair.plus, 0), (pair.minus, 1)];
+            let by_normal = frames.bend(first_pair + k).is_none();
             let mut gradients = [[0.0; 3]; 2];
             let mut along_frame = [[0.0; 3]; 2];
-            if let Some(bend) = frames.bends.get(first_pair + k) {
+            if let Some(bend) = frames.bend(first_pair + k) {
                 let (p, m) = self.differences(pair, centre, u);
                 let (_, gp, gm) = frame::bent(D == 2, bend, &three(&p), &three(&m));
                 gradients = [gp, gm];
@@ -662,7 +663,7 @@ impl<const D: usize> Thin<D> {
                         for (q, w) in self.ends.stencil(e) {
                             let at = place[*q as usize] as usize * D;
                             (0..D).for_each(|c| add(at + c, sign * w[c] * gradients[which][c]));
-                            if frames.bends.is_empty() && g != 0.0 {
+                            if by_normal && g != 0.0 {
                                 (0..D).for_each(|c| sums[at + c] += sign * w[c] * g / length);
                             }
                         }

@@ -79,7 +79,7 @@ pub struct Frames {
     /// Y+ + Y− of each pair in the reference.
     pub(crate) chords: Vec<V3>,
     /// Pairs measured by their angle less that of the reference, where the body was asked to; else empty.
-    pub(crate) bends: Vec<Bend>,
+    pub(crate) bends: Vec<Option<Bend>>,
 }
 
 /// n − n₀ from the changes of both tangents, with all digits of small changes; and n, |a × b|.
@@ -153,6 +153,14 @@ pub(crate) fn bent_second(planar: bool, bend: &Bend, plus: &V3, minus: &V3) -> [
     let seed = |v: &V3, at: usize| -> [Jet<6>; 3] { array(|k| Jet { value: v[k], slope: array(|j| if j == at + k { 1.0 } else { 0.0 }) }) };
     let (_, ga, gb) = bent(planar, bend, &seed(plus, 0), &seed(minus, 3));
     array(|i| if i < 3 { ga[i].slope } else { gb[i - 3].slope })
+}
+
+impl Frames {
+    /// Arms and angle of a pair that is measured by its angle.
+    #[inline(always)]
+    pub(crate) fn bend(&self, pair: usize) -> Option<&Bend> {
+        self.bends.get(pair).and_then(Option::as_ref)
+    }
 }
 
 #[cfg(test)]

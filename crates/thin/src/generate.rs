@@ -385,9 +385,22 @@ pub fn curve(points: &[[f64; 3]], closed: bool) -> Result<Surface, ThinError> {
     Ok(curve_of(points.to_vec(), normals, measure, spacing, Form::General { curvature }, closed))
 }
 
-/// Moves points along the surface by up to `fraction` of their spacing in each direction, by a seed; those for which `fixed` is true stay. Measures stay
-/// those of the cells. On forms other than planes, cylinders and spheres points stay where they are.
+/// Thirds of the areas of triangles at each of their corners.
+fn thirds(s: &Surface) -> Vec<f64> {
+    let mut area = vec![0.0; s.len()];
+    for t in &s.triangles {
+        let x = t.map(|p| s.positions[p as usize]);
+        let part = norm(&cross(&sub(&x[1], &x[0]), &sub(&x[2], &x[0]))) / 6.0;
+        t.iter().for_each(|&p| area[p as usize] += part);
+    }
+    area
+}
+
+/// Moves points along the surface by up to `fraction` of their spacing in each direction, by a seed; those for which `fixed` is true stay. Measures
+/// follow the triangles where there are any: forces of a cloud balance the better the more truly its areas are known. Spacings stay
+/// those of the cells. On forms other than planes, cylinders, spheres and circles points stay where they are.
 pub fn jitter(surface: &mut Surface, fraction: f64, seed: u64, fixed: impl Fn(u32) -> bool) {
+    let before = thirds(surface);
     let mut state = seed ^ 0x9e37_79b9_7f4a_7c15;
     let mut random = || {
         // SplitMix64
@@ -429,6 +442,36 @@ pub fn jitter(surface: &mut Surface, fraction: f64, seed: u64, fixed: impl Fn(u3
         }
         surface.positions[p] = x;
     }
+    if surface.dimension == 1 {
+        curve_measure(surface);
+        return;
+    }
+    let after = thirds(surface);
+    for ((m, b), a) in surface.measure.iter_mut().zip(&before).zip(&after) {
+        if *b > 0.0 {
+            *m *= a / b;
+        }
+    }
+}
+
+/// Measures of the points of a line or circle, in their order, from the distances of neighbours along it.
+fn curve_measure(s: &mut Surface) {
+    let n = s.len();
+    let whole: f64 = s.measure.iter().sum();
+    let gap: Vec<f64> = (0..n)
+        .map(|p| {
+            let l = s.log(p, &s.axes(p), &s.positions[(p + 1) % n]);
+            l[0].hypot(l[1])
+        })
+        .collect();
+    let open = s.sets.contains_key("start");
+    for p in 0..n {
+        let before = if open && p == 0 { 0.0 } else { gap[(p + n - 1) % n] };
+        let after = if open && p + 1 == n { 0.0 } else { gap[p] };
+        s.measure[p] = 0.5 * (before + after);
+    }
+    let now: f64 = s.measure.iter().sum();
+    s.measure.iter_mut().for_each(|m| *m *= whole / now);
 }
 
 /// Removes points, a hole for instance, with their triangles; the measures of those that are left stay.

@@ -104,9 +104,7 @@ impl<const D: usize> Thin<D> {
                     let chord = b.frames.as_ref().map_or([0.0; 3], |f| f.chords[q]);
                     frames.chords.push(chord);
                     if with_bends {
-                        let xi = b.arms[b.pairs[q].arm as usize].vector;
-                        let flat = Bend { plus: xi, minus: xi.map(|x| -x), angle: 0.0 };
-                        frames.bends.push(b.frames.as_ref().and_then(|f| f.bends.get(q)).copied().unwrap_or(flat));
+                        frames.bends.push(b.frames.as_ref().and_then(|f| f.bend(q)).copied());
                     }
                 }
                 starts.push(pairs.len());

@@ -14,8 +14,11 @@ pub enum Parity {
     /// its normal), all others do not. Clamped edges (with the edge held) and planes of symmetry.
     Even,
     /// Turned about the point of the edge before them: `u' = 2 u_edge − u`, so that there is no curvature across the edge. Simply
-    /// supported edges. Where the plane lies between rows of points, `u' = −u`.
+    /// supported edges. Where the plane lies between rows of points, `u' = −u`. Shells: see [`crate::shell`].
     Odd,
+    /// Turned by half a turn about the point of the edge, place and displacement: a pinned end of a curve. On lattices the same as
+    /// [`Odd`](Self::Odd).
+    Turned,
 }
 
 /// A mirror plane `normal · x = at` at the edge of the body.
@@ -389,7 +392,7 @@ impl Layout {
                 }
                 stencil
             }
-            Parity::Odd => {
+            Parity::Odd | Parity::Turned => {
                 let mut stencil: Vec<(u32, [f64; D])> = image.into_iter().map(|(q, w)| (q, w.map(|x| -x))).collect();
                 if plane.twice % 2 == 0 {
                     let mut edge = cell;

@@ -1,4 +1,4 @@
-//! Thin features: bond-pair beams and bond-multiple plates (O'Grady, *Peridynamic beams, plates, and shells*, thesis 2014, chapters
+//! Thin features: bond-pair beams, bond-multiple plates, and shells (O'Grady, *Peridynamic beams, plates, and shells*, thesis 2014, chapters
 //! 4 and 5, corrected).
 //!
 //! A thin body resists bending because a *bond pair*, two opposite bonds of a point, resists being turned out of line. Every pair has
@@ -9,6 +9,8 @@
 //! From the points to a solution:
 //! [`layout::Layout`] (lattice of a line or plane) → [`beam::Beam`] or [`plate::Plate`] (energy of the families) → [`body::Thin`]
 //! (all points: energy, force, tangent, breaking, plastic history) → [`structure::ThinStructure`] (with conditions: what solvers see).
+//! Curved and irregular: [`surface::Surface`] (points, normals, areas; made by [`generate`], from triangles or from points) → [`shell::Shell`] →
+//! the same body; bodies are joined by [`body::Thin::join`].
 #![forbid(unsafe_code)]
 
 pub mod angle;

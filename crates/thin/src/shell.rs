@@ -24,7 +24,8 @@
 //! Pairs whose opposite point would lie outside are not made. Planes of symmetry, clamped and diaphragm edges are mirror planes across the
 //! surface, normal to an axis: points behind them are images, [`Parity::Even`] for symmetry and clamping, [`Parity::Odd`] for the
 //! antisymmetric continuation (the motion along the normal of the plane even, the rest odd), that of an edge held by a diaphragm.
-//! The points on the plane must be held as the condition says; their measure is that of the part inside.
+//! The points on the plane must be held as the condition says; their measure is that of the part inside. A pinned end of a curve is
+//! [`Parity::Turned`]: the curve and its motion continue by half a turn about the end.
 //!
 //! # Fails when
 //! The horizon is of the size of the radius of curvature; the surface is thinner than it is apart from itself by bonds (bonds are chosen by
@@ -62,8 +63,8 @@ pub enum Turn {
     /// Change of normal curvature. The default.
     #[default]
     NormalCurvature,
-    /// The angle between the arms, less that of the reference: an initially bent plate or beam. In space the reference angle should not be
-    /// small, as an angle between vectors has no sign.
+    /// The angle between the arms, less that of the reference: an initially bent plate or beam. In space pairs of a reference angle below 0.02
+    /// are measured by normal curvature, as an angle between vectors has no sign.
     Angle,
 }
 
@@ -151,7 +152,8 @@ impl Report {
                 (2.0 * value).sqrt()
             ));
         }
-        if self.without_pairs > 0 {
+        // ends of beams and corners never have any
+        if 20 * self.without_pairs > self.corrected.len() {
             list.push(format!(
                 "{} points have no bond pair and resist bending only as ends of the pairs of others (edges and corners)",
                 self.without_pairs
@@ -169,12 +171,25 @@ impl Report {
 }
 
 /// A point or an image of one.
+#[derive(Clone, Copy)]
 struct Seen {
     position: V3,
     normal: V3,
     source: u32,
     sign: V3,
+    /// A point about which the image is turned: twice its displacement comes on top.
+    about: Option<u32>,
     cell: f64,
+}
+
+impl Seen {
+    /// Calls for every point that a share of this one consists of, with its signs.
+    fn each(&self, share: f64, mut add: impl FnMut(u32, V3)) {
+        add(self.source, self.sign.map(|s| s * share));
+        if let Some(q) = self.about {
+            add(q, [2.0 * share; 3]);
+        }
+    }
 }
 
 /// The far end of a pair.
@@ -215,6 +230,9 @@ struct Raw {
     framed: bool,
 }
 
+/// Reference angle of a pair in space below which it is measured by its normal curvature: an angle between vectors has no sign and a kink at
+/// zero.
+const LEAST_ANGLE: f64 = 0.02;
 /// Smallest factor of a correction that is used.
 const LEAST_FACTOR: f64 = 0.1;
 /// Beyond the horizon, points this many spacings away serve virtual points.
@@ -316,6 +334,7 @@ impl Shell<'_> {
                 normal: surface.normals[p],
                 source: p as u32,
                 sign: [1.0; 3],
+                about: None,
                 cell: surface.spacing[p].powi(power),
             })
             .collect();
@@ -333,11 +352,32 @@ impl Shell<'_> {
             if low < -tolerance && high > tolerance {
                 return Err(bad("cuts the body"));
             }
+            if mirror.parity == Parity::Turned {
+                let Some(edge) = (0..surface.len()).find(|&p| surface.dimension == 1 && off(&surface.positions[p]).abs() <= tolerance)
+                else {
+                    return Err(bad("turns a surface, or does not go through an end of the curve"));
+                };
+                let about = surface.positions[edge];
+                let images: Vec<Seen> = seen[..surface.len()]
+                    .iter()
+                    .filter(|s| s.source as usize != edge && norm(&sub(&s.position, &about)) <= reach)
+                    .map(|s| Seen {
+                        position: [0, 1, 2].map(|k| 2.0 * about[k] - s.position[k]),
+                        normal: s.normal,
+                        source: s.source,
+                        sign: [-1.0; 3],
+                        about: Some(edge as u32),
+                        cell: s.cell,
+                    })
+                    .collect();
+                seen.extend(images);
+                continue;
+            }
             let images: Vec<Seen> = seen
                 .iter()
                 .filter(|s| off(&s.position).abs() > tolerance && off(&s.position).abs() <= reach)
                 .map(|s| {
-                    let mut image = Seen { position: s.position, normal: s.normal, source: s.source, sign: s.sign, cell: s.cell };
+                    let mut image = Seen { about: s.about, ..*s };
                     image.position[axis] = 2.0 * place - s.position[axis];
                     image.normal[axis] = -s.normal[axis];
                     let flip = if mirror.parity == Parity::Even { 1.0 } else { -1.0 };
@@ -510,7 +550,9 @@ impl Shell<'_> {
         let mut end_of = |q: u32, ends: &mut Ends<D>| {
             if image_end[q as usize] == u32::MAX {
                 let s = &seen[q as usize];
-                image_end[q as usize] = ends.add(&[(s.source, component(&s.sign))]);
+                let mut stencil = vec![];
+                s.each(1.0, |p, sign| stencil.push((p, component(&sign))));
+                image_end[q as usize] = ends.add(&stencil);
             }
             image_end[q as usize]
         };
@@ -542,8 +584,10 @@ impl Shell<'_> {
                     Far::Seen(q) => end_of(*q, &mut ends),
                     Far::Virtual(s) => {
                         report.virtual_points += 1;
-                        let stencil: Vec<(u32, [f64; D])> =
-                            s.iter().map(|(q, w)| (seen[*q as usize].source, component(&seen[*q as usize].sign).map(|c| c * w))).collect();
+                        let mut stencil: Vec<(u32, [f64; D])> = vec![];
+                        for (q, w) in s {
+                            seen[*q as usize].each(*w, |p, sign| stencil.push((p, component(&sign))));
+                        }
                         ends.add(&stencil)
                     }
                 };
@@ -561,7 +605,7 @@ impl Shell<'_> {
                     if self.turn == Turn::Angle {
                         let mut bend = Bend { plus: b.arms[0], minus: b.arms[1], angle: 0.0 };
                         bend.angle = bent(D == 2, &bend, &[0.0; 3], &[0.0; 3]).0;
-                        frames.bends.push(bend);
+                        frames.bends.push((D == 2 || bend.angle > LEAST_ANGLE).then_some(bend));
                     }
                 }
             }

@@ -15,6 +15,7 @@ use thin::plate::Limit;
 use thin::shell::{Horizon, Report, Shell, Turn};
 use thin::structure::{PointData, ThinStructure};
 use thin::surface::Surface;
+use thin::weights::Influence;
 
 /// Deterministic irregular displacements of a size.
 fn wiggle(n: usize, size: f64) -> Vec<f64> {
@@ -128,7 +129,7 @@ fn energies_forces_tangents() {
         ("cylinder", generate::cylinder(1.0, 1.5, [0.0, 2.0 * PI], [28, 6]).unwrap()),
         ("jittered cylinder", jittered(generate::cylinder(1.0, 1.0, [0.0, 1.5], [8, 6]).unwrap(), 0.25, &ROUND)),
         ("sphere", generate::sphere(1.0, [0.3, 1.4], [0.0, 2.0 * PI], 6).unwrap()),
-        ("torus", generate::torus(1.0, 0.5, [24, 14]).unwrap()),
+        ("torus", generate::torus(1.0, 0.6, [60, 40]).unwrap()),
     ];
     for (name, surface) in bodies {
         let mut shell = stiff(2.1, &rigidity, &membrane);
@@ -143,6 +144,11 @@ fn energies_forces_tangents() {
         assert!(body.plastic_angles().iter().any(|a| *a != 0.0));
         contract_at(&format!("{name}, plastic"), &mut body, 0.05 * h, true, 1e-6);
     }
+    // an initially bent cylinder: angles around, normal curvatures along
+    let cylinder = generate::cylinder(1.0, 1.5, [0.0, 2.0 * PI], [28, 6]).unwrap();
+    let bent = Shell { turn: Turn::Angle, ..stiff(2.1, &rigidity, &membrane) };
+    let (mut body, _): (Thin<3>, Report) = bent.build(&cylinder, &[]).unwrap();
+    contract("bent cylinder", &mut body, 0.01, true);
     // planes of symmetry
     let quarter = jittered(generate::cylinder(1.0, 1.0, [0.0, 0.5 * PI], [8, 6]).unwrap(), 0.2, &ROUND);
     let mirrors = [
@@ -181,9 +187,11 @@ fn energy_of_uniform_curvature() {
     for n in [20, 40] {
         let h = 1.0 / n as f64;
         let surface = jittered(generate::panel([1.0, 1.0], [n, n]).unwrap(), 0.25, &PANEL);
-        for (kind, nu) in [(Interpolation::Quadratic, 1.0 / 3.0), (Interpolation::Quadratic, 0.1), (Interpolation::Barycentric, 1.0 / 3.0)]
+        let (quadratic, barycentric) = (Interpolation::Quadratic, Interpolation::Barycentric);
+        for (kind, nu, m) in
+            [(quadratic, 1.0 / 3.0, 3.0), (quadratic, 0.1, 3.0), (barycentric, 1.0 / 3.0, 3.0), (barycentric, 1.0 / 3.0, 2.0)]
         {
-            let shell = Shell { interpolation: kind, membrane: None, ..Shell::new(Horizon::Length(3.0 * h), &[1.0], &[1.0], nu) };
+            let shell = Shell { interpolation: kind, membrane: None, ..Shell::new(Horizon::Length(m * h), &[1.0], &[1.0], nu) };
             let (body, report): (Thin<1>, Report) = shell.build(&surface, &[]).unwrap();
             let (mut worst, mut square, mut count) = (0.0f64, 0.0, 0);
             let mut each = vec![];
@@ -205,12 +213,12 @@ fn energy_of_uniform_curvature() {
             let rms = (square / f64::from(count)).sqrt();
             let part = f64::from(count) / 4.0 / surface.len() as f64;
             println!(
-                "n={n} ν={nu:.2} {kind:?}: worst {worst:.2e}, rms {rms:.3e} {each:?}, {:.1} % of points correctable, {report:?}",
+                "n={n} m={m} ν={nu:.2} {kind:?}: worst {worst:.2e}, rms {rms:.3e} {each:?}, {:.1} % of points correctable, {report:?}",
                 100.0 * part,
                 report = (report.pairs, report.virtual_points, report.outside, report.uncorrected, report.single_line)
             );
             // points on edges have pairs along these alone
-            assert!(part > 0.7);
+            assert!(part > 0.6);
             match kind {
                 Interpolation::Quadratic => assert!(worst < 1e-12 * (n * n) as f64 / 100.0, "{worst}"),
                 _ => assert!(rms > 0.05 && rms < 0.5 && worst > 0.3, "{rms}"),
@@ -431,7 +439,23 @@ fn hemisphere_with_hole() {
     // 0.0940 is the reference of MacNeal and Harder (1985); later analyses have 0.0930
     let w = [24, 36, 54].map(|n| hemisphere(n, 2.1));
     println!("cells 24, 36, 54: {w:.5?}, ratios {:.4?}", w.map(|w| w / 0.094));
-    assert!((w[2] / 0.094 - 1.0).abs() < 0.05);
+    assert!((w[2] / 0.094 - 1.0).abs() < 0.02);
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn hemisphere_fine() {
+    let w = [60, 80, 110].map(|n| hemisphere(n, 2.1));
+    println!("cells 60, 80, 110: {w:.5?}, ratios to 0.0940 {:.4?}, to 0.0930 {:.4?}", w.map(|w| w / 0.094), w.map(|w| w / 0.093));
+    assert!((w[2] / 0.094 - 1.0).abs() < 0.02);
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn scordelis_lo_fine() {
+    let w = [30, 60, 90].map(|n| roof(n, 2.0));
+    println!("cells 30, 60, 90: {w:.4?}, ratios {:.4?}", w.map(|w| w / 0.3024));
+    assert!((w[2] / 0.3024 - 1.0).abs() < 0.01);
 }
 
 /// Centre deflection of the simply supported square plate under unit pressure, D = a = 1.
@@ -511,26 +535,26 @@ fn plates_on_clouds() {
 
 #[test]
 fn patch_on_a_cloud() {
-    // a uniform curvature prescribed near the edges
+    // a uniform curvature prescribed over two horizons from the edges; forces of a cloud balance up to its irregularity, the less the smoother
+    // the influence function
     let mut errors = vec![];
     for n in [20, 40] {
         let h = 1.0 / n as f64;
         let cloud = jittered(generate::panel([1.0, 1.0], [n, n]).unwrap(), 0.25, &PANEL);
         let field = |x: &[f64; 3]| 0.5 * x[0] * x[0] - 0.3 * x[0] * x[1] + 0.2 * x[1] * x[1];
-        let mut row = vec![];
-        for layer in [3.0, 6.0] {
-            let (body, _): (Thin<1>, Report) = across(Horizon::Length(3.0 * h), 1.0 / 3.0).build(&cloud, &[]).unwrap();
-            let edge = cloud.points_where(|x| (0..2).any(|k| x[k].min(1.0 - x[k]) < layer * h));
+        let row = [Influence::Conical, Influence::Constant].map(|influence| {
+            let shell = Shell { influence, ..across(Horizon::Length(3.0 * h), 1.0 / 3.0) };
+            let (body, _): (Thin<1>, Report) = shell.build(&cloud, &[]).unwrap();
+            let edge = cloud.points_where(|x| (0..2).any(|k| x[k].min(1.0 - x[k]) < 6.0 * h));
             let condition = Condition::new("edge", Action::Displacement, edge, 0, move |x, _| field(&x));
             let w = solved(structure(body, vec![condition]));
-            let worst = cloud.positions.iter().zip(&w).map(|(x, w)| (w - field(x)).abs()).fold(0.0, f64::max);
-            row.push(worst / 0.5);
-        }
-        let shown: Vec<String> = row.iter().map(|e| format!("{e:.2e}")).collect();
-        println!("n={n}: error {shown:?} with one and two horizons prescribed (an independent one has 8e-4 and 2.4e-4)");
+            cloud.positions.iter().zip(&w).map(|(x, w)| (w - field(x)).abs()).fold(0.0, f64::max) / 0.5
+        });
+        println!("n={n}: error conical {:.2e}, constant {:.2e} (an independent one has 8e-4 and 2.4e-4)", row[0], row[1]);
         errors.push(row);
     }
-    assert!(errors[1][0] < 3e-4 && errors[1][0] < errors[0][0]);
+    // 7.6e-4 and 2.4e-4; constant 9.6e-4 and 4.6e-4
+    assert!(errors[1][0] < 3e-4 && errors[0][0] < 9e-4 && errors[1][1] < 6e-4 && errors[1][1] < errors[0][1]);
 }
 
 #[test]
@@ -860,7 +884,7 @@ fn bad_surfaces() {
     assert!(matches!(built, Err(ThinError::Curvature { relative, .. }) if (relative - 0.7).abs() < 1e-12), "{built:?}");
     let built = Shell::new(Horizon::Length(0.01), &[1.0], &[1.0], 0.3).build::<3>(&ring, &[]).map(|b| b.1);
     assert!(matches!(built, Err(ThinError::Horizon { .. })));
-    let cut = Shell::new(Horizon::Ratio(2.0), &[1.0], &[1.0], 0.3).build::<3>(&ring, &[even(0, 0.3)]).map(|b| b.1);
+    let cut = Shell::new(Horizon::Length(0.4), &[1.0], &[1.0], 0.3).build::<3>(&ring, &[even(0, 0.3)]).map(|b| b.1);
     assert!(matches!(cut, Err(ThinError::Mirror { .. })));
     let across = Shell::new(Horizon::Ratio(2.0), &[1.0], &[1.0], 0.3).build::<1>(&ring, &[]).map(|b| b.1);
     assert!(matches!(across, Err(ThinError::Unsupported { .. })));
@@ -893,5 +917,147 @@ fn roof_from_triangles() {
         let ratio = -u[3 * edge as usize] / 0.3024;
         println!("{name}: {ratio:.4}, {} pairs, {} virtual, warnings {:?}", report.pairs, report.virtual_points, report.warnings());
         assert!((ratio - 1.0).abs() < 0.05);
+    }
+}
+
+#[test]
+fn elastica_of_a_strip() {
+    // a clamped strip in space that bends far; EI = 1 per width, tip deflections of the elastica
+    let exact: [(f64, f64); 4] = [(1.0, 0.301721), (2.0, 0.493457), (5.0, 0.713792), (10.0, 0.810609)];
+    for cells in [20, 40] {
+        let h = 1.0 / cells as f64;
+        let b = 2.0 * h;
+        let panel = generate::panel([1.0, b], [cells, 2]).unwrap();
+        let shell = Shell::new(Horizon::Length(2.0 * h), &[1.0], &[1e4], 0.0);
+        let body: Thin<3> = shell.build(&panel, &[even(1, 0.0), even(1, b), even(0, 0.0)]).unwrap().0;
+        let end = panel.set("x_max").to_vec();
+        let weights = vec![0.25, 0.5, 0.25];
+        let sides: Vec<u32> = panel.points_where(|x| x[1] < 1e-9 || x[1] > b - 1e-9);
+        let conditions = vec![
+            Condition::hold("clamp", panel.set("x_min").to_vec(), &[0, 1, 2]),
+            Condition::hold("sides", sides, &[1]),
+            Condition::new("push", Action::Force { weights }, end.clone(), 2, move |_, t| b * t),
+        ];
+        let mut s = ThinStructure::new(body, PointData::default(), conditions, None, 10.0).unwrap();
+        let mut u = vec![0.0; 3 * panel.len()];
+        let mut found = vec![];
+        follow(&mut s, vec![0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0], &mut u, |_, report, u| {
+            if let Some(e) = exact.iter().find(|e| (e.0 - report.time).abs() < 1e-9) {
+                found.push(u[3 * end[1] as usize + 2] / e.1);
+            }
+        });
+        println!("cells {cells}: {found:.5?}");
+        assert!(found.len() == 4 && found.iter().all(|r| (r - 1.0).abs() < if cells == 40 { 0.005 } else { 0.02 }));
+    }
+}
+
+#[test]
+fn stiffened_strip() {
+    // a strip in cylindrical bending with a beam as stiff along its middle: half the deflection of the strip alone
+    let (cells, width) = (40, 4);
+    let h = 1.0 / cells as f64;
+    let b = width as f64 * h;
+    let panel = generate::panel([1.0, b], [cells, width]).unwrap();
+    let membrane = [12.0 / 0.02f64.powi(2)];
+    let shell = Shell::new(Horizon::Length(2.0 * h), &[1.0], &membrane, 0.0);
+    let along: Vec<[f64; 3]> = (0..=cells).map(|k| [k as f64 * h, 0.5 * b, 0.0]).collect();
+    let arms = uniform(2);
+    let (bending, axial) = ([b], [b * membrane[0]]);
+    let beam = thin::beam::Beam { bending: &bending, axial: Some(&axial), ..beam_of(&arms) };
+    let n = panel.len() as u32;
+    let tip = |stiffened: bool| {
+        let mut body: Thin<3> = shell.build(&panel, &[even(1, 0.0), even(1, b), even(0, 0.0)]).unwrap().0;
+        if stiffened {
+            body = Thin::join(vec![body, stiffener_of(&along, &beam)]).unwrap();
+            let (followers, leaders): (Vec<u32>, Vec<u32>) = ((n..n + along.len() as u32).collect(), (0..n).collect());
+            let ties = body.coincident(&followers, &leaders, 1e-9);
+            assert_eq!(ties.len(), along.len());
+            body.tie(&ties).unwrap();
+            contract("stiffened strip", &mut body, 0.05 * h, false);
+        }
+        let end = panel.set("x_max").to_vec();
+        let weights: Vec<f64> = (0..end.len()).map(|k| if k == 0 || k + 1 == end.len() { 0.5 * h } else { h }).collect();
+        let sides: Vec<u32> = panel.points_where(|x| x[1] < 1e-9 || x[1] > b - 1e-9);
+        let conditions = vec![
+            Condition::hold("clamp", panel.set("x_min").to_vec(), &[0, 1, 2]),
+            Condition::hold("sides", sides, &[1]),
+            Condition::constant("push", Action::Force { weights }, end.clone(), 2, 1.0),
+        ];
+        let (_, u) = solve3(body, conditions);
+        u[3 * end[2] as usize + 2]
+    };
+    let (bare, stiffened) = (tip(false), tip(true));
+    println!("strip {bare:.5} of {:.5}, stiffened {:.5} of that", 1.0 / 3.0, stiffened / bare);
+    assert!((bare * 3.0 - 1.0).abs() < 0.01 && (stiffened / bare - 0.5).abs() < 0.005);
+}
+
+fn stiffener_of(along: &[[f64; 3]], beam: &thin::beam::Beam) -> Thin<3> {
+    beam.build(thin::layout::Layout::line(along).unwrap().with_mirrors(&[even(0, 0.0)]).unwrap()).unwrap()
+}
+
+/// Largest load of a pinned half-sine arch under a load of the same shape: q₀ L⁴/(2 ρ EI π⁴), ρ the radius of gyration.
+fn snap_through(n: usize, lambda: f64) -> f64 {
+    use solvers::direct::SparseCholesky;
+    let rise = 0.02;
+    let rho = rise / (2.0 * lambda);
+    let points: Vec<[f64; 3]> = (0..n).map(|k| 0.5 * k as f64 / (n - 1) as f64).map(|x| [x, rise * (PI * x).sin(), 0.0]).collect();
+    let arch = generate::curve(&points, false).unwrap();
+    let axial = [1.0 / (rho * rho)];
+    // pinned, and symmetric about the crown: unsymmetric modes are left out
+    let pins = [mirror(0, 0.0, Parity::Turned), even(0, 0.5)];
+    let (mut body, report): (Thin<2>, Report) = Shell::new(Horizon::Ratio(3.0), &[1.0], &axial, 0.3).build(&arch, &pins).unwrap();
+    assert!(report.warnings().is_empty(), "{:?}", report.warnings());
+    let middle = 2 * n - 1;
+    let mut fixed = vec![false; 2 * n];
+    [0, 1, 2 * n - 2, middle].into_iter().for_each(|q| fixed[q] = true);
+    let unit: Vec<f64> = (0..2 * n).map(|q| if q % 2 == 1 { -arch.measure[q / 2] * (PI * points[q / 2][0]).sin() } else { 0.0 }).collect();
+    let pattern = body.pattern().unwrap();
+    let positions: Vec<f64> = points.iter().flat_map(|x| [x[0], x[1]]).collect();
+    let (mut u, mut q, mut peak) = (vec![0.0; 2 * n], 0.0, 0.0f64);
+    let (mut f, mut row) = (vec![0.0; 2 * n], vec![0.0; 2 * n]);
+    for step in 1..=60 {
+        u[middle] = -1.2 * rise * f64::from(step) / 60.0;
+        for _ in 0..30 {
+            // the middle is prescribed and the load is what leaves it without reaction
+            body.force(&u, &mut f);
+            let residual: Vec<f64> = f.iter().zip(&unit).map(|(f, p)| f + q * p).collect();
+            let mut k = solvers::sparse::BlockMatrix::new(pattern.clone());
+            body.tangent(&u, &mut k).unwrap();
+            let mut factor = SparseCholesky::analyze(pattern.clone(), &positions, &fixed, 1).unwrap();
+            factor.factor(&k, None).unwrap();
+            let mut solve = |b: &[f64]| {
+                let mut x = vec![0.0; 2 * n];
+                factor.solve(b, &mut x).unwrap();
+                x
+            };
+            let (a, b) = (solve(&residual), solve(&unit));
+            k.product(&a, &mut row);
+            let rest = residual[middle] - row[middle];
+            k.product(&b, &mut row);
+            let change = -rest / (unit[middle] - row[middle]);
+            q += change;
+            let mut moved = 0.0f64;
+            for d in 0..2 * n {
+                let du = a[d] + change * b[d];
+                u[d] += du;
+                moved = moved.max(du.abs());
+            }
+            if moved < 1e-10 * rise {
+                break;
+            }
+        }
+        peak = peak.max(q);
+    }
+    peak / (2.0 * rho * PI.powi(4))
+}
+
+#[test]
+fn arch_snaps_through() {
+    // one-term solution, exact for this load: λ + √(4 (λ² − 1)³/27), λ = rise/2ρ
+    for lambda in [1.5, 2.0, 2.3] {
+        let exact = lambda + (4.0 * (lambda * lambda - 1.0f64).powi(3) / 27.0).sqrt();
+        let r = [21, 41, 81].map(|n| snap_through(n, lambda) / exact);
+        println!("λ={lambda}: {r:.5?} of {exact:.4}");
+        assert!((r[1] - 1.0).abs() < 0.02 && (r[2] - 1.0).abs() < (r[1] - 1.0).abs());
     }
 }
