@@ -18,6 +18,7 @@ pub mod registry;
 pub mod run;
 pub mod spectrum;
 pub mod study;
+mod surface;
 mod thin_registry;
 pub mod verify;
 pub mod zone;

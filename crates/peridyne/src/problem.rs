@@ -9,6 +9,7 @@ use bodies::points::PointCloud;
 use bodies::region;
 use physics::elasticity::Section;
 use std::collections::BTreeMap;
+use thin::surface::Surface;
 
 /// A validated problem. Points are in sorted order throughout.
 pub struct Problem {
@@ -32,6 +33,8 @@ pub struct Problem {
     pub hidden_bonds: usize,
     /// Pre-cracks.
     pub cracks: Option<Cracks>,
+    /// The surface of a shell, whose points are those of `cloud`, in the user's order.
+    pub surface: Option<Surface>,
     /// Whether the body is a beam or a plate, whose families are those of bond pairs; `neighbors` is empty then.
     pub thin: bool,
     /// Where all constants of materials are taken, whatever the place of a point; `None`: each point has its own.
@@ -47,19 +50,39 @@ impl Problem {
     /// Every fault found.
     pub fn new(deck: Deck) -> Result<Self, DeckErrors> {
         Self::build(&deck).map_err(|issues| deck.errors(issues)).map(|(section, parts)| {
-            let Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks } = parts;
+            let Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface } = parts;
             let thin = is_thin(&deck);
-            Problem { deck, section, cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, thin, constants_at: None }
+            Problem {
+                deck,
+                section,
+                cloud,
+                user,
+                horizon,
+                sets,
+                material,
+                neighbors,
+                hidden_bonds,
+                cracks,
+                surface,
+                thin,
+                constants_at: None,
+            }
         })
     }
 
     fn build(deck: &Deck) -> Checked<(Section, Built)> {
         let section = section(deck);
         let mut issues = vec![];
-        let cloud = points(deck, section)?;
-        let order = cloud.spatial_order();
-        let user = order.order().to_vec();
-        let cloud = cloud.reordered(&order);
+        let (cloud, surface) = points(deck, section)?;
+        // points of a surface stay as they are: triangles and sets refer to them
+        let (cloud, user) = if surface.is_some() {
+            let user = (0..cloud.len() as u32).collect();
+            (cloud, user)
+        } else {
+            let order = cloud.spatial_order();
+            let user = order.order().to_vec();
+            (cloud.reordered(&order), user)
+        };
 
         let body = &deck.body;
         let horizon: Vec<f64> = cloud.position.iter().map(|&x| body.horizon.eval(x, 0.0)).collect();
@@ -71,7 +94,7 @@ impl Problem {
             ));
             return Err(issues);
         }
-        let sets = sets(deck, &cloud, &mut issues);
+        let sets = sets(deck, &cloud, surface.as_ref(), &mut issues);
         let material = materials(deck, &cloud, &sets, &mut issues);
         conditions(deck, &cloud, &sets, &mut issues);
         let thin = is_thin(deck);
@@ -81,7 +104,7 @@ impl Problem {
         if thin {
             let cracks = cracks(deck, &mut issues);
             let (neighbors, hidden_bonds) = (Neighbors::default(), 0);
-            let built = Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks };
+            let built = Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface };
             return if issues.is_empty() { Ok((section, built)) } else { Err(issues) };
         }
 
@@ -136,7 +159,7 @@ impl Problem {
         let cracks = cracks(deck, &mut issues);
         references(deck, &cloud, &sets, &mut issues);
         if issues.is_empty() {
-            Ok((section, Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks }))
+            Ok((section, Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface }))
         } else {
             Err(issues)
         }
@@ -214,6 +237,7 @@ struct Built {
     neighbors: Neighbors,
     hidden_bonds: usize,
     cracks: Option<Cracks>,
+    surface: Option<Surface>,
 }
 
 fn section(deck: &Deck) -> Section {
@@ -235,13 +259,27 @@ fn lattice_of(source: &Points) -> Option<&Lattice> {
         Points::Disc(s) => Some(&s.lattice),
         Points::Cylinder(s) => Some(&s.lattice),
         Points::Sphere(s) => Some(&s.lattice),
-        Points::File(_) => None,
+        Points::File(_) | Points::Surface(_) => None,
     }
 }
 
-fn points(deck: &Deck, section: Section) -> Checked<PointCloud> {
+fn points(deck: &Deck, section: Section) -> Checked<(PointCloud, Option<Surface>)> {
     let mut issues = vec![];
     let mut whole: Option<PointCloud> = None;
+    if let Some(Points::Surface(s)) = deck.body.points.iter().find(|p| matches!(p, Points::Surface(_))) {
+        if deck.body.points.len() > 1 {
+            return Err(vec![Issue::new(s.span, "a surface goes with no other source of points", "give it alone")]);
+        }
+        if !deck.materials.iter().all(|(_, m)| matches!(m.model, deck::Model::Shell(_))) {
+            return Err(vec![Issue::new(s.span, "points of a surface are for the model `shell`", "use it, or other points")]);
+        }
+        let surface = crate::surface::of(deck, s)?;
+        return Ok((crate::surface::cloud(&surface, section.dimension()), Some(surface)));
+    }
+    if let Some((name, _)) = deck.materials.iter().find(|(_, m)| matches!(m.model, deck::Model::Shell(_))) {
+        let help = "write for example `- surface: {shape: {cylinder: {radius: 1, length: 2, cells: [64, 20]}}}` under `points:`";
+        return Err(vec![Issue::new(name.span, "a shell needs points of a `surface`", help)]);
+    }
     for source in &deck.body.points {
         let made = match source {
             Points::File(file) => crate::point_file::read(&deck.resolve(&file.path.value), Some(section.dimension()), section.measure())
@@ -283,7 +321,7 @@ fn points(deck: &Deck, section: Section) -> Checked<PointCloud> {
         }
     }
     match whole {
-        Some(cloud) if issues.is_empty() => Ok(cloud),
+        Some(cloud) if issues.is_empty() => Ok((cloud, None)),
         _ => Err(issues),
     }
 }
@@ -316,7 +354,7 @@ fn generated(source: &Points, section: Section) -> Result<PointCloud, Issue> {
         Points::Sphere(s) => {
             generate::Shape::Sphere { centre: a3(&s.center), radius: s.radius.value, inner_radius: inner(&s.inner_radius) }
         }
-        Points::File(_) => unreachable!("files are read elsewhere"),
+        Points::File(_) | Points::Surface(_) => unreachable!("files and surfaces are made elsewhere"),
     };
     let mut filling = Filling::of_spacing(lattice.spacing.value);
     filling.section = section.measure();
@@ -340,9 +378,9 @@ fn generated(source: &Points, section: Section) -> Result<PointCloud, Issue> {
     Ok(cloud)
 }
 
-type Inside = Box<dyn Fn([f64; 3]) -> bool>;
+pub(crate) type Inside = Box<dyn Fn([f64; 3]) -> bool>;
 
-fn region_of(region: &Region) -> Inside {
+pub(crate) fn region_of(region: &Region) -> Inside {
     match region {
         Region::Where(f) => {
             let f = f.clone();
@@ -377,13 +415,21 @@ fn nearest(cloud: &PointCloud, x: [f64; 3]) -> usize {
     (0..cloud.len()).min_by(|&a, &b| square(a).total_cmp(&square(b)).then(cloud.id[a].cmp(&cloud.id[b]))).unwrap_or(0)
 }
 
-fn sets(deck: &Deck, cloud: &PointCloud, issues: &mut Vec<Issue>) -> BTreeMap<String, Vec<u32>> {
+fn sets(deck: &Deck, cloud: &PointCloud, surface: Option<&Surface>, issues: &mut Vec<Issue>) -> BTreeMap<String, Vec<u32>> {
     let mut known: BTreeMap<String, Vec<u32>> = BTreeMap::new();
     known.insert("all".into(), (0..cloud.len() as u32).collect());
     for (b, name) in cloud.block_names.iter().enumerate() {
         known.insert(name.clone(), (0..cloud.len() as u32).filter(|&p| cloud.block[p as usize] == b as u32).collect());
     }
+    for (name, points) in surface.iter().flat_map(|s| &s.sets) {
+        let mut points = points.clone();
+        points.sort_unstable();
+        known.insert(name.clone(), points);
+    }
     for (name, _) in deck.sets.iter() {
+        if surface.is_some_and(|s| s.sets.contains_key(&name.value)) {
+            issues.push(Issue::new(name.span, format!("the surface has a set `{}` of its own", name.value), "use another name"));
+        }
         resolve(deck, cloud, &name.value, name.span, &mut vec![], &mut known, issues);
     }
     for (name, _) in deck.sets.iter() {

@@ -270,7 +270,7 @@ fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
                 )]),
             }
         }
-        deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) => Err(vec![thin_model(site.material)]),
+        deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) | deck::Model::Shell(_) => Err(vec![thin_model(site.material)]),
     }
 }
 
@@ -578,7 +578,7 @@ fn influence_of(m: &deck::Material) -> (&InfluenceName, bool) {
         deck::Model::LinearPeridynamicSolid(l) => (&l.influence, l.isotropy_correction),
         deck::Model::Correspondence(c) => (&c.influence, false),
         deck::Model::ExtendedCorrespondence(c) => (&c.influence, false),
-        deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) => (&InfluenceName::Constant, false),
+        deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) | deck::Model::Shell(_) => (&InfluenceName::Constant, false),
     }
 }
 
@@ -591,7 +591,10 @@ fn stores_influence(problem: &Problem, m: &deck::Material) -> bool {
                 || matches!(c.kinematics, deck::Kinematics::Corrected(_))
         }
         deck::Model::ExtendedCorrespondence(c) => matches!(c.law, deck::StrainLaw::J2Plasticity(_)),
-        deck::Model::LinearPeridynamicSolid(_) | deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) => false,
+        deck::Model::LinearPeridynamicSolid(_)
+        | deck::Model::BondPairBeam(_)
+        | deck::Model::BondMultiplePlate(_)
+        | deck::Model::Shell(_) => false,
     };
     always
         || problem.section.dimension() == 1
@@ -774,7 +777,7 @@ fn isotropic_estimate<const D: usize>(m: &deck::Material, x: [f64; 3], section: 
                     .at(x, section)
             }
         },
-        deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) => Err(thin_model(m)),
+        deck::Model::BondPairBeam(_) | deck::Model::BondMultiplePlate(_) | deck::Model::Shell(_) => Err(thin_model(m)),
     }
 }
 
@@ -846,6 +849,7 @@ fn conditions(problem: &Problem) -> Vec<loads::Condition> {
             | Condition::PointLoad(_)
             | Condition::DistributedLoad(_)
             | Condition::LineLoad(_)
+            | Condition::Pressure(_)
             | Condition::Moment(_) => {}
         }
     }

@@ -189,6 +189,8 @@ pub fn run_keeping(
                 solver: match options.method {
                     deck::LinearMethod::Direct => LinearSolver::Direct,
                     deck::LinearMethod::ConjugateGradients => LinearSolver::ConjugateGradients,
+                    // points of a surface have no more neighbours than those of a plane
+                    _ if problem.thin => LinearSolver::Automatic,
                     // in 3D the factor grows too fast: matrix-free unless asked for
                     _ if problem.section.dimension() == 3 => LinearSolver::ConjugateGradients,
                     _ => LinearSolver::Automatic,
@@ -205,7 +207,7 @@ pub fn run_keeping(
             let mut program = LoadSteps::uniform(0.0, options.end.value, options.load_steps.value as usize);
             program.smallest_fraction = options.smallest_step.value;
             recorder.span = (0.0, options.end.value);
-            if matches!(options.control, deck::Control::Load) {
+            if matches!(options.control, deck::StaticControl::Load) {
                 let end = statics(&mut *model, &program, method, &mut u, &mut recorder, progress, cancel);
                 lost_digits = newton.linear_error();
                 end
@@ -441,8 +443,8 @@ fn path_options(problem: &Problem, options: &deck::Statics, model: &dyn Simulate
         ..ArcLength::default()
     };
     match &options.control {
-        deck::Control::Load => {}
-        deck::Control::ArcLength(a) => {
+        deck::StaticControl::Load => {}
+        deck::StaticControl::ArcLength(a) => {
             (arc.first_step, arc.largest_step) = (a.first_step.value, a.largest_step.value);
             arc.most_steps = a.most_steps.value as usize;
             // loads at which something is expected are met exactly
@@ -454,7 +456,7 @@ fn path_options(problem: &Problem, options: &deck::Statics, model: &dyn Simulate
             arc.stations.sort_by(f64::total_cmp);
             arc.stations.dedup();
         }
-        deck::Control::Displacement(c) => {
+        deck::StaticControl::Displacement(c) => {
             let points = problem.set(&c.over.value);
             let d = Statics::dofs_per_point(model);
             // where a body moves across alone that is its only component
@@ -589,7 +591,10 @@ impl<'a> Recorder<'a> {
         for (p, &q) in problem.user.iter().enumerate() {
             reference[q as usize] = problem.cloud.position[p];
             id[q as usize] = problem.cloud.id[p] as i64;
-            edge[q as usize] = (problem.cloud.volume[p] / problem.section.measure()).powf(1.0 / d as f64);
+            edge[q as usize] = match &problem.surface {
+                Some(surface) => surface.spacing[p],
+                None => (problem.cloud.volume[p] / problem.section.measure()).powf(1.0 / d as f64),
+            };
         }
         let conditions = model.condition_names();
         let mut columns: Vec<String> = deck::HISTORY.map(String::from).into();
@@ -597,7 +602,7 @@ impl<'a> Recorder<'a> {
         for name in &conditions {
             columns.extend((0..problem.directions()).map(|k| format!("reaction.{name}.{}", axis_name(k))));
         }
-        let path = matches!(&problem.deck.solver, Solver::Statics(s) if !matches!(s.control, deck::Control::Load));
+        let path = matches!(&problem.deck.solver, Solver::Statics(s) if !matches!(s.control, deck::StaticControl::Load));
         if path {
             columns.push("unstable_modes".into());
         }
@@ -642,6 +647,11 @@ impl<'a> Recorder<'a> {
 
     fn points(&self) -> usize {
         self.reference.len()
+    }
+
+    /// Whether the points lie on a curve in a plane.
+    fn curve(&self) -> bool {
+        self.problem.surface.as_ref().is_some_and(|s| s.dimension == 1)
     }
 
     fn frame_interval(&self) -> f64 {
@@ -828,7 +838,9 @@ impl<'a> Recorder<'a> {
         let written = match &mut self.file {
             Some(file) => file.append(&snapshot),
             None => {
-                FieldFile::create(&folder.join("fields.vtkhdf"), &self.id, &self.reference, &[], &snapshot).map(|f| self.file = Some(f))
+                let triangles = self.problem.surface.as_ref().map_or(&[][..], |s| &s.triangles);
+                FieldFile::create_with(&folder.join("fields.vtkhdf"), &self.id, &self.reference, triangles, &[], &snapshot)
+                    .map(|f| self.file = Some(f))
             }
         };
         self.frames += 1;
@@ -853,7 +865,7 @@ impl<'a> Recorder<'a> {
             let shown = component(model, &p.field, t, u, v);
             let name = p.name.as_ref().map_or_else(|| p.field.to_string().replace('.', "_"), |n| n.value.clone());
             let body = picture::Body {
-                dimension: self.problem.section.dimension() + usize::from(self.problem.thin),
+                dimension: (self.problem.section.dimension() + usize::from(self.problem.thin)).min(if self.curve() { 2 } else { 3 }),
                 reference: &self.reference,
                 displacement,
                 edge: &self.edge,
@@ -892,7 +904,13 @@ impl<'a> Recorder<'a> {
             options.length_unit = unit_of(FieldName::Displacement, units);
             let unit = FieldName::parse(p.field.field.name()).and_then(|field| unit_of(field, units));
             let shown = Shown { name: &label, unit: unit.as_deref(), values: &shown };
-            picture::draw(&body, &shown, &options)?.write(&folder.join(file))?;
+            let picture = match &self.problem.surface {
+                Some(surface) if surface.dimension == 2 => {
+                    picture::draw_surface(&body, &surface.triangles, &surface.normals, &shown, &options)?
+                }
+                _ => picture::draw(&body, &shown, &options)?,
+            };
+            picture.write(&folder.join(file))?;
         }
         Ok(())
     }

@@ -251,6 +251,7 @@ fn patch_problem(problem: &Problem, material: usize, lattice: &Lattice, typical:
         hidden_bonds: 0,
         cracks: None,
         thin: false,
+        surface: None,
         constants_at: Some(place),
         cloud,
     };

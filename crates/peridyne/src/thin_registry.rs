@@ -11,12 +11,15 @@ use thin::ThinError;
 use thin::angle::{Kinematics, Potential};
 use thin::beam::Beam;
 use thin::body::Thin;
+use thin::interpolation::Interpolation;
 use thin::layout::{Layout, Mirror, Parity};
 use thin::loads::{Action, Condition as Load, couple, spread};
 use thin::pairs::Law;
 use thin::plate::{IsotropicWeight, Limit, Plate};
 use thin::section::{ArmTable, Properties, Section, Weighting};
+use thin::shell::{Horizon, Shell, Turn};
 use thin::structure::{Brittle, PointData, ThinStructure};
+use thin::surface::Surface;
 use thin::weights::Influence;
 
 type Checked<T> = Result<T, Vec<Issue>>;
@@ -27,6 +30,12 @@ type Part<'a, M> = (&'a deck::Material, &'a M);
 /// Builds the beam or plate of a problem.
 pub fn assemble(problem: &Problem) -> Checked<Assembly> {
     let materials = &problem.deck.materials;
+    if let Some(surface) = &problem.surface {
+        return match surface.dimension {
+            1 => shell::<2>(problem, surface),
+            _ => shell::<3>(problem, surface),
+        };
+    }
     let (mut beams, mut plates): (Vec<Part<BondPairBeam>>, Vec<Part<BondMultiplePlate>>) = (vec![], vec![]);
     for (name, material) in materials.iter() {
         if let Some(damage) = &material.damage {
@@ -179,6 +188,15 @@ fn kinematics(a: &AngleMeasure) -> Kinematics {
     match a {
         AngleMeasure::Small => Kinematics::Small,
         AngleMeasure::Exact => Kinematics::Exact,
+    }
+}
+
+fn influence(i: &PlateInfluence) -> Influence {
+    match i {
+        PlateInfluence::Constant => Influence::Constant,
+        PlateInfluence::Length => Influence::Linear,
+        PlateInfluence::InverseLength => Influence::Inverse,
+        PlateInfluence::Cone => Influence::Conical,
     }
 }
 
@@ -394,12 +412,7 @@ fn plate<const D: usize>(problem: &Problem, parts: &[Part<BondMultiplePlate>]) -
         rigidity: &rigidity,
         poisson: nu,
         membrane: membrane.as_deref(),
-        influence: match first.influence {
-            PlateInfluence::Constant => Influence::Constant,
-            PlateInfluence::Length => Influence::Linear,
-            PlateInfluence::InverseLength => Influence::Inverse,
-            PlateInfluence::Cone => Influence::Conical,
-        },
+        influence: influence(&first.influence),
         correction: first.weight_correction,
         isotropic: match first.isotropic_weight {
             deck::IsotropicWeight::Energy => IsotropicWeight::Energy,
@@ -419,6 +432,106 @@ fn plate<const D: usize>(problem: &Problem, parts: &[Part<BondMultiplePlate>]) -
     let breaks = parts.iter().find_map(|(_, p)| brittle(&p.behavior));
     let mass = by_material(problem, masses, 1.0).unwrap_or_default();
     finish(problem, body, breaks, mass, derived)
+}
+
+/// A shell, a plate of any points or a curved beam.
+fn shell<const D: usize>(problem: &Problem, surface: &Surface) -> Checked<Assembly> {
+    let deck = &problem.deck;
+    let mut materials = deck.materials.iter();
+    let Some((_, material)) = materials.next() else { return Err(vec![]) };
+    if let Some((name, _)) = materials.next() {
+        return Err(vec![Issue::new(
+            name.span,
+            "a shell has one material",
+            "let its stiffness vary in space by expressions of x, y and z",
+        )]);
+    }
+    let Model::Shell(s) = &material.model else {
+        return Err(vec![Issue::new(material.points.span, "points of a surface are for the model `shell`", "use it")]);
+    };
+    let nu = s.poisson_ratio.value;
+    let young = s.youngs_modulus.as_ref().map(|f| values(f, problem));
+    let thickness = s.thickness.as_ref().map(|f| values(f, problem));
+    let solid = young.as_ref().zip(thickness.as_ref());
+    let unknown = || vec![Issue::new(s.span, "the stiffness is not known", "give `youngs_modulus` and `thickness`")];
+    let rigidity = s.bending_stiffness.as_ref().map(|f| values(f, problem));
+    let rigidity = rigidity.or_else(|| solid.map(|(e, h)| combine(e, h, |e, h| e * h.powi(3) / (12.0 * (1.0 - nu * nu)))));
+    let rigidity = rigidity.ok_or_else(unknown)?;
+    let membrane = s.membrane_stiffness.as_ref().map(|f| values(f, problem));
+    let membrane = membrane.or_else(|| solid.map(|(e, h)| combine(e, h, |e, h| e * h))).ok_or_else(unknown)?;
+    let curvature = match (&s.yield_stress, &s.limit_curvature, solid) {
+        (Some(stress), _, Some((e, h))) => {
+            let strain = combine(&values(stress, problem), e, |s, e| s / e);
+            Some(combine(&strain, h, |s, h| 2.0 * s / h))
+        }
+        (_, Some(curvature), _) => Some(values(curvature, problem)),
+        _ => None,
+    };
+    let angle = s.limit_angle.as_ref().map(|f| values(f, problem));
+    let angle = match (&curvature, brittle(&s.behavior)) {
+        (Some(curvature), Some(_)) => Some(combine(curvature, &problem.horizon, |c, h| c * h)),
+        _ => angle,
+    };
+    let limit = match (&angle, &curvature) {
+        (Some(angle), _) => Limit::Angle(angle),
+        (None, Some(curvature)) => Limit::Layers(curvature),
+        _ => Limit::None,
+    };
+    let stretch = s.critical_stretch.as_ref().map(|f| values(f, problem));
+    let mut mirrors = vec![];
+    for c in &deck.conditions {
+        let (normal, at, parity) = match c {
+            Condition::SimplySupported(e) if e.mirror => (&e.normal, e.at.value, Parity::Odd),
+            Condition::Clamped(e) if e.mirror => (&e.normal, e.at.value, Parity::Even),
+            Condition::Symmetry(s) => (&s.normal, s.at.value, Parity::Even),
+            _ => continue,
+        };
+        let mut n = [0.0; 3];
+        n[normal.value.index()] = 1.0;
+        mirrors.push(Mirror { normal: n, at, parity });
+    }
+    let (body, report) = Shell {
+        horizon: Horizon::PerPoint(&problem.horizon),
+        rigidity: &rigidity,
+        membrane: Some(&membrane),
+        poisson: nu,
+        thickness: thickness.as_deref(),
+        influence: influence(&s.influence),
+        correction: s.weight_correction,
+        interpolation: match s.virtual_points {
+            deck::VirtualPoints::Quadratic => Interpolation::Quadratic,
+            deck::VirtualPoints::Barycentric => Interpolation::Barycentric,
+            deck::VirtualPoints::Nearest => Interpolation::Nearest,
+        },
+        turn: match s.turn {
+            deck::ShellTurn::NormalCurvature => Turn::NormalCurvature,
+            deck::ShellTurn::Angle => Turn::Angle,
+        },
+        limit,
+        law: law(&s.behavior, &PairPotential::Square),
+        critical_stretch: stretch.as_deref(),
+    }
+    .build::<D>(surface, &mirrors)
+    .map_err(fault(s.span))?;
+    let mut derived: Vec<Derived> = vec![("bending stiffness D".into(), rigidity[0], "force length")];
+    for (what, value) in [
+        ("pairs with a virtual point", report.virtual_points),
+        ("pairs not made at edges", report.outside),
+        ("points of a single line of pairs", report.single_line),
+        ("points whose weights could not be corrected", report.uncorrected),
+        ("points without a pair", report.without_pairs),
+    ] {
+        derived.push((what.into(), value as f64, ""));
+    }
+    if let Some((value, _)) = report.locking {
+        derived.push(("largest horizon^2/(radius thickness)".into(), value, ""));
+    }
+    let thickness = thickness.unwrap_or_else(|| vec![1.0]);
+    let density = material.density.as_ref().map_or(vec![1.0], |d| values(d, problem));
+    let breaks = brittle(&s.behavior).or_else(|| stretch.is_some().then_some(Brittle { batch: 1.0 }));
+    let mut made = finish(problem, body, breaks, combine(&density, &thickness, |r, h| r * h), derived)?;
+    made.warnings.extend(report.warnings());
+    Ok(made)
 }
 
 /// Conditions, masses (per length or area), cracks.
@@ -489,7 +602,7 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
             .collect()
     };
     let hold = |name: String, points: Vec<u32>, which: &[usize]| Load::hold(&name, points, which);
-    let across = if D == 1 { 0 } else { problem.section.dimension() };
+    let across = if D == 1 { 0 } else { problem.section.dimension().min(2) };
     for c in &deck.conditions {
         let name = c.label();
         let points = c.set().map(|s| problem.set(&s.value).to_vec()).unwrap_or_default();
@@ -500,6 +613,8 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
                 let all: Vec<usize> = (0..D).collect();
                 // in space a beam is held across both ways
                 let which: Vec<usize> = match (e.slide, D) {
+                    // a diaphragm: free to move along its normal
+                    (true, _) if problem.surface.is_some() => (0..D).filter(|k| *k != e.normal.value.index()).collect(),
                     (_, 1) => vec![0],
                     (false, _) => all,
                     (true, 3) if problem.section.dimension() == 1 => vec![1, 2],
@@ -518,6 +633,10 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
                 }
             }
             Condition::Pin(p) => {
+                if problem.surface.is_some() {
+                    let help = "hold one of its points by `displacement`";
+                    return Err(vec![Issue::new(p.span, "a pin is for straight beams and flat plates", help)]);
+                }
                 let f = p.deflection.clone();
                 let mut components = [None, None, None];
                 components[across] = Some(Box::new(move |x, t| f.eval(x, t)) as Field);
@@ -531,6 +650,17 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
             Condition::DistributedLoad(l) => {
                 let weights = points.iter().map(|&p| body.measure()[p as usize]).collect();
                 out.push(Load { name, action: Action::Force { weights }, points, components: fields!(l) });
+            }
+            Condition::Pressure(l) => {
+                let f = l.value.clone();
+                if let Some(surface) = &problem.surface {
+                    out.push(Load::pressure(&name, surface, points, move |x, t| f.eval(x, t)));
+                } else {
+                    let weights = points.iter().map(|&p| body.measure()[p as usize]).collect();
+                    let mut components = [None, None, None];
+                    components[across] = Some(Box::new(move |x, t| f.eval(x, t)) as Field);
+                    out.push(Load { name, action: Action::Force { weights }, points, components });
+                }
             }
             Condition::LineLoad(l) => {
                 let weights = along_a_row(positions, &points);

@@ -348,6 +348,6 @@ fn history_columns(deck: &Sections) -> Vec<String> {
         .filter(|c| !matches!(c, Condition::InitialVelocity(_) | Condition::InitialDisplacement(_) | Condition::Symmetry(_)));
     let axes = &["x", "y", "z"][..deck.body.dimensions().clamp(1, 3)];
     let reactions = acting.flat_map(|c| axes.iter().map(move |axis| format!("reaction.{}.{axis}", c.label())));
-    let path = matches!(&deck.solver, Solver::Statics(s) if !matches!(s.control, Control::Load));
+    let path = matches!(&deck.solver, Solver::Statics(s) if !matches!(s.control, StaticControl::Load));
     HISTORY.map(String::from).into_iter().chain(measures).chain(reactions).chain(path.then(|| "unstable_modes".into())).collect()
 }

@@ -449,7 +449,7 @@ fn set_names(tree: &Node) -> Option<Vec<String>> {
     names.extend(tree.get("sets").map_or(&[] as &[Entry], Node::entries).iter().map(|entry| entry.key.clone()));
     if let Some(Content::List(sources)) = tree.get("body").and_then(|body| body.get("points")).map(|points| &points.content) {
         for entry in sources.iter().flat_map(Node::entries) {
-            if entry.key == "file" {
+            if entry.key == "file" || entry.key == "surface" {
                 return None;
             }
             names.extend(entry.value.get("block").and_then(Node::as_scalar).map(|block| block.text.clone()));

@@ -28,7 +28,7 @@ fn block(points: &Points) -> Option<&Text> {
         Points::Disc(shape) => &shape.lattice,
         Points::Cylinder(shape) => &shape.lattice,
         Points::Sphere(shape) => &shape.lattice,
-        Points::File(_) => return None,
+        Points::File(_) | Points::Surface(_) => return None,
     };
     lattice.block.as_ref()
 }

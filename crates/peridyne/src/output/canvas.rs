@@ -460,6 +460,38 @@ impl Layer {
         }
     }
 
+    /// Draws a triangle over what lies deeper: corners in pixels of the canvas with depth, and their colours, blended between.
+    pub fn triangle(&mut self, corners: &[[f64; 3]; 3], colors: &[[f64; 3]; 3]) {
+        let scale = SAMPLES as f64;
+        let at = corners.map(|c| [(c[0] - self.left) * scale, (c[1] - self.top) * scale]);
+        let area = (at[1][0] - at[0][0]) * (at[2][1] - at[0][1]) - (at[1][1] - at[0][1]) * (at[2][0] - at[0][0]);
+        if !area.is_finite() || area == 0.0 {
+            return;
+        }
+        let range = |k: usize| at.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), c| (a.min(c[k]), b.max(c[k])));
+        let (x, y) = (range(0), range(1));
+        // a little beyond the edges, against cracks between neighbours
+        let slack = -0.1 / area.abs().sqrt().max(1.0);
+        for row in clipped(y.0, y.1, self.height) {
+            for column in clipped(x.0, x.1, self.width) {
+                let p = [column as f64 + 0.5, row as f64 + 0.5];
+                let share = |a: [f64; 2], b: [f64; 2]| ((b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])) / area;
+                let w = [share(at[1], at[2]), share(at[2], at[0]), share(at[0], at[1])];
+                if w.iter().any(|s| *s < slack) {
+                    continue;
+                }
+                let blend = |v: [f64; 3]| (0..3).map(|k| w[k] * v[k]).sum::<f64>();
+                let depth = blend(corners.map(|c| c[2])) as f32;
+                let index = row as usize * self.width + column as usize;
+                if depth < self.depth[index] {
+                    continue;
+                }
+                self.depth[index] = depth;
+                self.color[index] = std::array::from_fn(|k| blend(colors.map(|c| c[k])).round().clamp(0.0, 255.0) as u8);
+            }
+        }
+    }
+
     /// Averages the samples onto the canvas.
     pub fn lay_on(&self, canvas: &mut Canvas) {
         for y in 0..self.height / SAMPLES {

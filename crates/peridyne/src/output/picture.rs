@@ -198,6 +198,31 @@ pub fn draw(body: &Body<'_>, shown: &Shown<'_>, options: &Options) -> Result<Pic
     })
 }
 
+/// Draws a field on the deformed points of a surface in perspective, shaded: on its triangles, or, without any, on discs across the normals.
+///
+/// # Errors
+/// Those of [`draw`].
+pub fn draw_surface(
+    body: &Body<'_>,
+    triangles: &[[u32; 3]],
+    normals: &[[f64; 3]],
+    shown: &Shown<'_>,
+    options: &Options,
+) -> Result<Picture, OutputError> {
+    let refuse = |reason: String| OutputError::Drawing { what: format!("the picture of `{}`", shown.name), reason };
+    check(body, shown, options).map_err(refuse)?;
+    let points = body.reference.len();
+    if triangles.iter().flatten().any(|&q| q as usize >= points) || (triangles.is_empty() && normals.len() != points) {
+        return Err(refuse("its triangles or normals do not fit its points".into()));
+    }
+    let range = range_of(shown.values, options.range).map_err(refuse)?;
+    let blocks =
+        Blocks::new(body, options.deformation).ok_or_else(|| refuse("no point has a finite position and a cell with an edge".into()))?;
+    let colors: Vec<Rgb> = shown.values.iter().map(|&v| options.colors.color(share(v, range))).collect();
+    let scene = Scene { body, shown, options, range, blocks: &blocks, colors: &colors };
+    Ok(scene.surface(triangles, normals))
+}
+
 fn check(body: &Body<'_>, shown: &Shown<'_>, options: &Options) -> Result<(), String> {
     let points = body.reference.len();
     for (name, found) in [("displacements", body.displacement.len()), ("edges", body.edge.len()), ("values", shown.values.len())] {
@@ -627,6 +652,108 @@ impl Scene<'_> {
         let bar_bottom = TOP + room[1] - (0.5 * room[1] - 300.0).max(0.0);
         let bar = left + room[0] + BAR_ROOM;
         self.draw_bar(&mut canvas, bar, bar_top, bar_bottom);
+        Picture { canvas, projection }
+    }
+
+    /// A surface in perspective.
+    fn surface(&self, triangles: &[[u32; 3]], normals: &[[f64; 3]]) -> Picture {
+        /// Distance of the viewer from the middle, in half diagonals of the body.
+        const DISTANCE: f64 = 4.0;
+        let (sa, ca) = self.options.view.azimuth.to_radians().sin_cos();
+        let (se, ce) = self.options.view.elevation.to_radians().sin_cos();
+        let near = [ce * ca, ce * sa, se];
+        let right = [-sa, ca, 0.0];
+        let up = cross(near, right);
+        let center = &self.blocks.center;
+        // corners of triangles: of the points, or of discs around them
+        let mut corners: Vec<[[f64; 3]; 3]> = vec![];
+        let mut of: Vec<[usize; 3]> = vec![];
+        if triangles.is_empty() {
+            const SIDES: usize = 10;
+            for i in self.blocks.drawn() {
+                let n = normals[i];
+                let other = if n[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
+                let a = cross(n, other);
+                let length = dot(a, a).sqrt();
+                let a = a.map(|x| x / length);
+                let b = cross(n, a);
+                let radius = 0.62 * self.body.edge[i];
+                let rim = |k: usize| -> [f64; 3] {
+                    let (s, c) = (std::f64::consts::TAU * k as f64 / SIDES as f64).sin_cos();
+                    std::array::from_fn(|r| center[i][r] + radius * (c * a[r] + s * b[r]))
+                };
+                for k in 0..SIDES {
+                    corners.push([center[i], rim(k), rim(k + 1)]);
+                    of.push([i; 3]);
+                }
+            }
+        } else {
+            for t in triangles.iter().map(|t| t.map(|q| q as usize)).filter(|t| t.iter().all(|&q| center[q][0].is_finite())) {
+                corners.push(t.map(|q| center[q]));
+                of.push(t);
+            }
+        }
+        // light of each point: the mean of its triangles, so that a smooth surface looks smooth
+        let mut facing = vec![[0.0; 3]; center.len()];
+        for (t, c) in of.iter().zip(&corners) {
+            let edge = |k: usize| -> [f64; 3] { std::array::from_fn(|r| c[k][r] - c[0][r]) };
+            let n = cross(edge(1), edge(2));
+            t.iter().for_each(|&q| (0..3).for_each(|r| facing[q][r] += n[r]));
+        }
+        let all = || corners.iter().flatten();
+        let bounds = |direction: [f64; 3]| {
+            all().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(dot(*x, direction)), b.max(dot(*x, direction))))
+        };
+        let (r, u, n) = (bounds(right), bounds(up), bounds(near));
+        let middle = [0.5 * (r.0 + r.1), 0.5 * (u.0 + u.1), 0.5 * (n.0 + n.1)];
+        let half = 0.5 * [r.1 - r.0, u.1 - u.0, n.1 - n.0].iter().map(|x| x * x).sum::<f64>().sqrt();
+        let distance = DISTANCE * half.max(f64::MIN_POSITIVE);
+        // (right, up, near) as seen: what is nearer is larger
+        let seen = |x: &[f64; 3]| {
+            let depth = dot(*x, near) - middle[2];
+            let larger = distance / (distance - depth);
+            [(dot(*x, right) - middle[0]) * larger, (dot(*x, up) - middle[1]) * larger, depth]
+        };
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for x in all() {
+            let s = seen(x);
+            (0..2).for_each(|k| (low[k], high[k]) = (low[k].min(s[k]), high[k].max(s[k])));
+        }
+        let size: [f64; 2] = std::array::from_fn(|k| 1.04 * (high[k] - low[k]).max(f64::MIN_POSITIVE));
+        let left = 60.0;
+        let (room, scale, whole) = self.fit(size, left, self.bar_room());
+        let pixel = [left + 0.5 * room[0] - 0.5 * scale * (low[0] + high[0]), TOP + 0.5 * room[1] + 0.5 * scale * (low[1] + high[1])];
+        let scaled = |v: [f64; 3], by: f64| v.map(|c| c * by);
+        // without perspective: right in the middle of the body
+        let projection = Projection {
+            rows: [scaled(right, scale), scaled(up, -scale), scaled(near, scale)],
+            shift: [pixel[0] - scale * middle[0], pixel[1] + scale * middle[1]],
+        };
+        let mut canvas = Canvas::new(whole[0] as usize, whole[1] as usize);
+        self.draw_title(&mut canvas, left);
+        let mut layer = Layer::new(left, TOP, room[0] as usize, room[1] as usize);
+        let light = [-0.36, 0.56, 0.746];
+        let light: [f64; 3] = std::array::from_fn(|k| light[0] * right[k] + light[1] * up[k] + light[2] * near[k]);
+        for (t, c) in of.iter().zip(&corners) {
+            let place = c.each_ref().map(|x| {
+                let s = seen(x);
+                [pixel[0] + scale * s[0], pixel[1] - scale * s[1], s[2]]
+            });
+            // both sides of a shell are lit alike
+            let colors = t.map(|q| {
+                let n = facing[q];
+                let length = dot(n, n).sqrt();
+                let lit = if length > 0.0 { (dot(n, light) * dot(n, near).signum() / length).max(0.0) } else { 1.0 };
+                let factor = 0.55 + 0.45 * lit;
+                self.colors[q].map(|c| f64::from(c) * factor)
+            });
+            layer.triangle(&place, &colors);
+        }
+        layer.lay_on(&mut canvas);
+        self.draw_triad(&mut canvas, [right, up], left);
+        let bar_top = TOP + (0.5 * room[1] - 300.0).max(0.0);
+        let bar_bottom = TOP + room[1] - (0.5 * room[1] - 300.0).max(0.0);
+        self.draw_bar(&mut canvas, left + room[0] + BAR_ROOM, bar_top, bar_bottom);
         Picture { canvas, projection }
     }
 

@@ -1,7 +1,7 @@
 //! The field file: all fields of all output steps in one VTKHDF file.
 //!
 //! The format is that of the VTK file format documentation, "VTKHDF", version 2.2: an
-//! `UnstructuredGrid` of vertex cells whose mesh is stored once and whose point data grows along
+//! `UnstructuredGrid` of vertex cells (of triangles, where a surface has them) whose mesh is stored once and whose point data grows along
 //! the first axis. ParaView opens the file as a time series; `displacement` is a point vector, so
 //! the filter Warp By Vector shows the deformed body. h5py reads step `s` of a field as
 //! `file["VTKHDF/PointData/<name>"]\[s*n:(s+1)*n\]` for `n` points.
@@ -22,6 +22,8 @@ use super::{Field, FieldValues, OutputError, Snapshot, temporary_beside};
 
 /// `VTK_VERTEX`, the cell of a single point.
 const VERTEX: u8 = 1;
+/// `VTK_TRIANGLE`.
+const TRIANGLE: u8 = 5;
 /// Entries a chunk of the small datasets that gain one entry a step.
 const STEPS_PER_CHUNK: usize = 64;
 /// A step is one chunk, so that reading it touches nothing else and appending it rewrites
@@ -53,6 +55,21 @@ impl FieldFile {
     /// [`OutputError::Length`], [`OutputError::Name`], [`OutputError::Hdf5`], [`OutputError::Io`];
     /// the final name is then untouched.
     pub fn create(path: &Path, id: &[i64], reference: &[[f64; 3]], constant: &[Field], first: &Snapshot<'_>) -> Result<Self, OutputError> {
+        Self::create_with(path, id, reference, &[], constant, first)
+    }
+
+    /// The same with triangles of points as cells; without any, each point is a cell of its own.
+    ///
+    /// # Errors
+    /// Those of [`create`](Self::create).
+    pub fn create_with(
+        path: &Path,
+        id: &[i64],
+        reference: &[[f64; 3]],
+        triangles: &[[u32; 3]],
+        constant: &[Field],
+        first: &Snapshot<'_>,
+    ) -> Result<Self, OutputError> {
         let points = reference.len();
         check_length(path, ID, id.len(), points)?;
         check_names(path, constant, first.fields)?;
@@ -65,7 +82,7 @@ impl FieldFile {
         let temporary = temporary_beside(path)?.into_temp_path();
         let written = (|| {
             let hdf = H5File::options().no_locking().create(&temporary)?;
-            file.write_mesh(&hdf, id, reference, constant, first)?;
+            file.write_mesh(&hdf, id, reference, triangles, constant, first)?;
             file.append_step(&hdf, first)?;
             hdf.close()
         })();
@@ -129,6 +146,7 @@ impl FieldFile {
         hdf: &H5File,
         id: &[i64],
         reference: &[[f64; 3]],
+        triangles: &[[u32; 3]],
         constant: &[Field],
         first: &Snapshot<'_>,
     ) -> Result<(), Hdf5Error> {
@@ -137,14 +155,19 @@ impl FieldFile {
         root.set_attr_array_numeric("Version", &[2_i64, 2])?;
         set_text(&root, "Type", "UnstructuredGrid")?;
 
-        for name in ["NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds"] {
-            write_static(&root, name, &[1], &[n as i64])?;
+        let (cells, corners, kind) = if triangles.is_empty() { (n, 1, VERTEX) } else { (triangles.len(), 3, TRIANGLE) };
+        for (name, count) in [("NumberOfPoints", n), ("NumberOfCells", cells), ("NumberOfConnectivityIds", cells * corners)] {
+            write_static(&root, name, &[1], &[count as i64])?;
         }
         write_static(&root, "Points", &[n, 3], reference.as_flattened())?;
-        let counting: Vec<i64> = (0..=n as i64).collect();
-        write_static(&root, "Connectivity", &[n], &counting[..n])?;
-        write_static(&root, "Offsets", &[n + 1], &counting)?;
-        write_static(&root, "Types", &[n], &vec![VERTEX; n])?;
+        let connectivity: Vec<i64> = match triangles {
+            [] => (0..n as i64).collect(),
+            _ => triangles.as_flattened().iter().map(|q| i64::from(*q)).collect(),
+        };
+        let offsets: Vec<i64> = (0..=cells).map(|c| (c * corners) as i64).collect();
+        write_static(&root, "Connectivity", &[cells * corners], &connectivity)?;
+        write_static(&root, "Offsets", &[cells + 1], &offsets)?;
+        write_static(&root, "Types", &[cells], &vec![kind; cells])?;
 
         let data = root.create_group("PointData")?;
         write_static(&data, ID, &[n], id)?;

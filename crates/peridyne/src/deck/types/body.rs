@@ -1,6 +1,6 @@
 //! `body`: material points, their horizon, cracks.
 use crate::deck::decode::{Context, Position, Spanned, Text, choice, section};
-use crate::deck::quantity::{Area, Count, Field, Length, Number, Quantity, Space, SpaceField};
+use crate::deck::quantity::{Angle, Area, Count, Field, Length, Number, Quantity, Space, SpaceField};
 
 section! {
     /// The discretised body.
@@ -70,6 +70,127 @@ choice! {
         Sphere(Sphere) = "sphere",
         /// Points with volumes from a file.
         File(PointFile) = "file",
+        /// Points on a surface (3D) or a curve (2D), with normals and areas: for shells, plates of any points, and curved beams.
+        Surface(SurfaceSource) = "surface",
+    }
+}
+
+section! {
+    /// Points on a surface or curve. Named sets come with it: `x_min`, `x_max`, `y_min`, `y_max` of panels, `around_min`, `around_max`,
+    /// `along_min`, `along_max` of cylinders, `pole`, `inner`, `outer`, `meridian_min`, `meridian_max` of spheres, `start`, `end` of rings.
+    pub struct SurfaceSource as "a surface" {
+        /// Its shape.
+        shape: SurfaceShape,
+        /// Random shifts along the surface, edges apart.
+        jitter: Option<Jitter>,
+        /// Regions without points: holes.
+        minus: Vec<Region> = "[]",
+    }
+}
+
+choice! {
+    /// The shape of a surface or curve.
+    pub enum SurfaceShape as "a shape of a surface" {
+        /// A flat rectangle in the plane of x and y.
+        Panel(PanelShape) = "panel",
+        /// A flat rectangle whose points are twice as close beyond a line.
+        TwoResolutions(TwoResolutionsShape) = "two_resolutions",
+        /// A cylinder about the z axis, from z = 0; a panel of one where the angles are not a whole turn.
+        Cylinder(CylinderShape) = "cylinder",
+        /// A sphere about the origin, or a part of one.
+        Sphere(SphereShape) = "sphere",
+        /// A torus about the z axis.
+        Torus(TorusShape) = "torus",
+        /// A ring or arc in the plane of x and y, about the origin (2D).
+        Ring(RingShape) = "ring",
+        /// Triangles from a file, STL or OBJ by its ending; the points are their corners.
+        Mesh(MeshShape) = "mesh",
+    }
+}
+
+section! {
+    /// A flat rectangle from the origin.
+    pub struct PanelShape as "a panel" {
+        /// Lengths along x and y.
+        size: [Quantity<Length>; 2],
+        /// Cells along x and y.
+        cells: [Count; 2],
+    }
+}
+
+section! {
+    /// A flat rectangle from the origin with two resolutions.
+    pub struct TwoResolutionsShape as "a panel of two resolutions" {
+        /// Lengths along x and y.
+        size: [Quantity<Length>; 2],
+        /// Coarse cells along x and y.
+        cells: [Count; 2],
+        /// Part of the length along x beyond which points are twice as close.
+        split: Quantity<Number> where FRACTION,
+    }
+}
+
+section! {
+    /// A cylinder.
+    pub struct CylinderShape as "a cylindrical surface" {
+        /// Radius.
+        radius: Quantity<Length> where POSITIVE,
+        /// Length.
+        length: Quantity<Length> where POSITIVE,
+        /// Angles about the axis, from the x axis.
+        around: [Quantity<Angle>; 2] = "[0, 360 deg]",
+        /// Cells around and along.
+        cells: [Count; 2],
+    }
+}
+
+section! {
+    /// A part of a sphere.
+    pub struct SphereShape as "a spherical surface" {
+        /// Radius.
+        radius: Quantity<Length> where POSITIVE,
+        /// Angles from the z axis.
+        polar: [Quantity<Angle>; 2] = "[0, 180 deg]",
+        /// Angles about the z axis, from the x axis.
+        azimuth: [Quantity<Angle>; 2] = "[0, 360 deg]",
+        /// Cells along a meridian.
+        cells: Count where POSITIVE,
+    }
+}
+
+section! {
+    /// A torus.
+    pub struct TorusShape as "a torus" {
+        /// Radius of the circle of centres.
+        radius: Quantity<Length> where POSITIVE,
+        /// Radius of the tube.
+        tube: Quantity<Length> where POSITIVE,
+        /// Cells along and around the tube.
+        cells: [Count; 2],
+    }
+}
+
+section! {
+    /// A ring or arc.
+    pub struct RingShape as "a ring" {
+        /// Radius.
+        radius: Quantity<Length> where POSITIVE,
+        /// Angles from the x axis.
+        around: [Quantity<Angle>; 2] = "[0, 360 deg]",
+        /// Cells.
+        cells: Count where POSITIVE,
+    }
+}
+
+section! {
+    /// Triangles from a file.
+    pub struct MeshShape as "a mesh" {
+        /// Path, relative to the folder of the deck; ends in `.stl` or `.obj`.
+        path: Text,
+        /// Factor from the units of the file to those of the deck.
+        scale: Quantity<Number> where POSITIVE = "1",
+        /// Points nearer than so many spacings though far apart along the surface count as touching; 0 does not ask.
+        closeness: Quantity<Number> where NOT_NEGATIVE = "0.5",
     }
 }
 
@@ -410,6 +531,7 @@ fn check_body(body: &Body, cx: &mut Context) {
             Points::Cylinder(shape) => (3, shape.span),
             Points::Sphere(shape) => (3, shape.span),
             Points::File(file) => (dimension, file.span),
+            Points::Surface(shape) => (if matches!(shape.shape, SurfaceShape::Ring(_)) { 2 } else { 3 }, shape.span),
         };
         wrong_dimension(points.name(), needs, span, dimension, ["line", "rectangle` or `disc", "box`, `cylinder` or `sphere"], cx);
     }

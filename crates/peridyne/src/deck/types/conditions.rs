@@ -35,6 +35,8 @@ choice! {
         DistributedLoad(super::thin::DistributedLoad) = "distributed_load",
         /// A force per length along a line of points of a plate.
         LineLoad(super::thin::LineLoad) = "line_load",
+        /// A pressure along the reference normals of a shell, plate or curved beam.
+        Pressure(super::thin::PressureLoad) = "pressure",
         /// A moment at a place of a beam.
         Moment(super::thin::MomentLoad) = "moment",
     }
@@ -206,6 +208,7 @@ impl Condition {
             Condition::Pin(condition) => Some(&condition.set),
             Condition::DistributedLoad(condition) => Some(&condition.set),
             Condition::LineLoad(condition) => Some(&condition.set),
+            Condition::Pressure(condition) => Some(&condition.set),
             Condition::Symmetry(_)
             | Condition::RigidWall(_)
             | Condition::SimplySupported(_)
@@ -225,6 +228,7 @@ impl Condition {
                 | Condition::PointLoad(_)
                 | Condition::DistributedLoad(_)
                 | Condition::LineLoad(_)
+                | Condition::Pressure(_)
                 | Condition::Moment(_)
         )
     }
@@ -242,6 +246,7 @@ impl Condition {
             Condition::PointLoad(condition) => condition.name.as_ref(),
             Condition::DistributedLoad(condition) => condition.name.as_ref(),
             Condition::LineLoad(condition) => condition.name.as_ref(),
+            Condition::Pressure(condition) => condition.name.as_ref(),
             Condition::Moment(condition) => condition.name.as_ref(),
             _ => None,
         };
@@ -272,6 +277,7 @@ impl Condition {
             Condition::PointLoad(condition) => condition.span,
             Condition::DistributedLoad(condition) => condition.span,
             Condition::LineLoad(condition) => condition.span,
+            Condition::Pressure(condition) => condition.span,
             Condition::Moment(condition) => condition.span,
         }
     }

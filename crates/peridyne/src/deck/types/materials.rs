@@ -35,13 +35,15 @@ choice! {
         BondPairBeam(super::thin::BondPairBeam) = "bond_pair_beam",
         /// A plate of bond pairs: points on a plane that resist bending.
         BondMultiplePlate(super::thin::BondMultiplePlate) = "bond_multiple_plate",
+        /// A shell of bond pairs and bonds: points on a surface, or on a curve.
+        Shell(super::thin::Shell) = "shell",
     }
 }
 
 impl Model {
     /// Whether it is one of thin bodies: a beam or a plate.
     pub fn is_thin(&self) -> bool {
-        matches!(self, Model::BondPairBeam(_) | Model::BondMultiplePlate(_))
+        matches!(self, Model::BondPairBeam(_) | Model::BondMultiplePlate(_) | Model::Shell(_))
     }
 }
 

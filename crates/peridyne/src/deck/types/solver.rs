@@ -54,13 +54,13 @@ section! {
         /// Smallest load step, as a fraction of `end`.
         smallest_step: Quantity<Number> where FRACTION = "1e-4",
         /// What is raised step by step: the load, or something that goes on growing where the load does not.
-        control: Control = "load",
+        control: StaticControl = "load",
     }
 }
 
 choice! {
     /// What is raised step by step.
-    pub enum Control as "a control" {
+    pub enum StaticControl as "a control" {
         /// The load, in `load_steps` steps.
         Load = "load",
         /// The arc length of the path of equilibria (Riks), through limit points, until the load reaches `end`.

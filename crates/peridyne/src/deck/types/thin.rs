@@ -84,6 +84,75 @@ section! {
     }
 }
 
+section! {
+    /// A shell, a plate of any points, or a curved beam: points of a `surface`. Give `youngs_modulus` with a `thickness`, or the stiffnesses
+    /// (per width; of curves EI and EA).
+    pub struct Shell as "a shell" check check_shell {
+        /// Young's modulus.
+        youngs_modulus: Option<SpaceField<Pressure>> where POSITIVE,
+        /// Thickness.
+        thickness: Option<SpaceField<Length>> where POSITIVE,
+        /// Poisson ratio, between -1 and 1/2; curves have none.
+        poisson_ratio: Quantity<Number> = "0",
+        /// Bending stiffness D; E h^3/(12 (1 - nu^2)) if not given.
+        bending_stiffness: Option<SpaceField<Any>> where POSITIVE,
+        /// Membrane stiffness E h; from modulus and thickness if not given.
+        membrane_stiffness: Option<SpaceField<Any>> where POSITIVE,
+        /// Weight of pairs by length.
+        influence: PlateInfluence = "constant",
+        /// Correct the weights of each family so that every uniform curvature has its right energy.
+        weight_correction: bool = "true",
+        /// How virtual points (opposite ends where there is no point) follow real ones.
+        virtual_points: VirtualPoints = "quadratic",
+        /// How pairs measure bending.
+        turn: ShellTurn = "normal_curvature",
+        /// What pairs do when they are bent too much.
+        behavior: PairBehavior = "elastic",
+        /// Stress at which the outer fibres yield; needs modulus and thickness.
+        yield_stress: Option<SpaceField<Pressure>> where POSITIVE,
+        /// Curvature at which the shell yields or breaks, in a strip bent alone.
+        limit_curvature: Option<SpaceField<Curvature>> where POSITIVE,
+        /// Angle at which all pairs yield or break, whatever their length.
+        limit_angle: Option<SpaceField<Number>> where POSITIVE,
+        /// Stretch at which bonds break.
+        critical_stretch: Option<SpaceField<Number>> where POSITIVE,
+    }
+}
+
+choice! {
+    /// How virtual points follow real ones.
+    pub enum VirtualPoints as "an interpolation of virtual points" {
+        /// Quadratic moving least squares: uniform curvature is exact.
+        Quadratic = "quadratic",
+        /// Linear in a triangle of points, as in the thesis: for membranes, not for bending.
+        Barycentric = "barycentric",
+        /// The nearest point.
+        Nearest = "nearest",
+    }
+}
+
+choice! {
+    /// How pairs of a shell measure bending.
+    pub enum ShellTurn as "a measure of bending" {
+        /// Change of normal curvature.
+        NormalCurvature = "normal_curvature",
+        /// Angle between the arms, less that of the reference: initially bent.
+        Angle = "angle",
+    }
+}
+
+section! {
+    /// A pressure, positive along the normals; its direction stays that of the reference.
+    pub struct PressureLoad as "a pressure" {
+        /// The points.
+        set: SetName,
+        /// Name in histories; kind and set if not given.
+        name: Option<Text>,
+        /// The pressure; of curves, a force per length.
+        value: TimeField<Any>,
+    }
+}
+
 choice! {
     /// Which displacements the points of a beam have.
     pub enum BeamMotion as "a motion" {
@@ -395,6 +464,36 @@ fn check_plate(plate: &BondMultiplePlate, cx: &mut Context) {
         ],
         "`yield_stress`, `limit_curvature` or `limit_angle`",
         plate.span,
+        cx,
+    );
+}
+
+fn check_shell(shell: &Shell, cx: &mut Context) {
+    cx.thin = true;
+    let nu = shell.poisson_ratio.value;
+    if !(nu > -1.0 && nu < 0.5) {
+        cx.fault(shell.poisson_ratio.span, format!("the Poisson ratio {nu} is not between -1 and 1/2"), "metals have about 0.3");
+    }
+    let solid = shell.youngs_modulus.is_some() && shell.thickness.is_some();
+    if !solid && (shell.bending_stiffness.is_none() || shell.membrane_stiffness.is_none()) {
+        cx.fault(
+            shell.span,
+            "the stiffness is not known",
+            "give `youngs_modulus` and `thickness`, or `bending_stiffness` and `membrane_stiffness`",
+        );
+    }
+    if let Some(stress) = shell.yield_stress.as_ref().filter(|_| !solid) {
+        cx.fault(stress.span, "a yield stress needs `youngs_modulus` and `thickness`", "give them, or a `limit_curvature`");
+    }
+    check_limits(
+        &shell.behavior,
+        &[
+            shell.yield_stress.as_ref().map(|f| f.span),
+            shell.limit_curvature.as_ref().map(|f| f.span),
+            shell.limit_angle.as_ref().map(|f| f.span),
+        ],
+        "`yield_stress`, `limit_curvature` or `limit_angle`",
+        shell.span,
         cx,
     );
 }
