@@ -129,6 +129,29 @@ impl<const D: usize> Body<D> {
         Some(BondId { chunk: chunk as u32, slot: slot as u32 })
     }
 
+    /// Energy of the pairs of these bonds that are intact, each pair once: `Σ (T[x]⟨ξ⟩ − T[x′]⟨−ξ⟩)·η/2 V V′`, at the displacements last
+    /// handed out by [`forward`](Self::forward) \[J\].
+    pub fn bond_energies(&self, bonds: impl IntoIterator<Item = BondId>) -> f64 {
+        let both = bonds.into_iter().flat_map(|b| [Some(b), self.reverse(b)]).flatten();
+        let mut directed: Vec<BondId> = both.filter(|b| self.chunks[b.chunk as usize].is_intact(b.slot as usize)).collect();
+        directed.sort_unstable();
+        directed.dedup();
+        let (mut sum, mut family, mut values) = (0.0, None, vec![]);
+        for b in directed {
+            let (k, slot) = (b.chunk as usize, b.slot as usize);
+            let c = &self.chunks[k];
+            let i = c.point_of(slot);
+            if family != Some((k, i)) {
+                family = Some((k, i));
+                values.clear();
+                self.parts.iter().for_each(|p| p.half_bond_energies_at(k, i, &c.configuration(), &mut values));
+            }
+            let half = values.iter().find(|v| v.0 == slot).map_or(0.0, |v| v.1);
+            sum += half * c.volume(i) * c.volume(c.neighbor[slot] as usize);
+        }
+        sum
+    }
+
     /// Breaks bonds, both directions of each, and rebuilds the shapes of the touched points. A point whose family has
     /// become singular is released: its remaining bonds break too, and so on until no family is singular.
     pub fn break_bonds(&mut self, bonds: impl IntoIterator<Item = BondId>) -> Broken {

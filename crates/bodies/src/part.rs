@@ -71,6 +71,8 @@ pub trait Part<const D: usize>: Send + Sync {
     fn stress(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>], across: &mut [f64]);
     /// `T⟨ξ⟩·η/2` of each bond of the part's families, into the entries of the slots.
     fn half_bond_energies(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]);
+    /// The same of one family, if it is the part's: slots and values, appended.
+    fn half_bond_energies_at(&self, chunk: usize, point: usize, c: &Configuration<f64>, out: &mut Vec<(usize, f64)>);
     /// Stiffness of one family, if it is the part's: `H[(b,k),(c,l)] = V V_b ∂T_b,k/∂Y_c,l` over its intact bonds, row-major, into `out` (resized).
     /// `u` are displacements without derivatives, restored before return.
     fn family_stiffness(&self, chunk: usize, point: usize, arrays: &Chunk<D>, u: &mut [Jet<SEEDS>], out: &mut Vec<f64>);
@@ -524,6 +526,16 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
             let state = self.material.state(constants, shape, family);
             family.each(|b| out[b.slot()] = 0.5 * self.material.force(&state, b).dot(b.eta()));
         });
+    }
+    fn half_bond_energies_at(&self, chunk: usize, point: usize, c: &Configuration<f64>, out: &mut Vec<(usize, f64)>) {
+        let place = self.place[chunk][point];
+        if place == u32::MAX {
+            return;
+        }
+        let (constants, shape) = (self.constants.at(self.points[chunk].0 + point), &self.shapes[chunk][place as usize]);
+        let family = Family::<f64, D>::new(c, point);
+        let state = self.material.state(constants, shape, family);
+        family.each(|b| out.push((b.slot(), 0.5 * self.material.force(&state, b).dot(b.eta()))));
     }
     fn family_stiffness(&self, chunk: usize, point: usize, arrays: &Chunk<D>, u: &mut [Jet<SEEDS>], out: &mut Vec<f64>) {
         let place = self.place[chunk][point];

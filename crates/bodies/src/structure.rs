@@ -53,6 +53,8 @@ pub struct Balance {
     pub contact: f64,
     /// Work done on the body by prescribed motions and external forces so far \[J\]
     pub external_work: f64,
+    /// Σ of the energies that the bonds that broke in the run held when they did \[J\]: the energy that fracture is calibrated with
+    pub broken_bonds: f64,
     /// Linear momentum \[kg m/s\]
     pub momentum: [f64; 3],
     /// Angular momentum about the origin \[kg m²/s\]
@@ -85,7 +87,8 @@ pub struct Structure<const D: usize> {
     force_scale: (f64, f64),
     pattern: Option<(Arc<BlockPattern>, FamilyList)>,
     saved: DamageState,
-    saved_work: Option<Work>,
+    /// Work, and what broke, at the last checkpoint.
+    saved_work: Option<(Work, Broken, f64)>,
     work: Work,
     work_open: bool,
     scratch: Vec<f64>,
@@ -96,6 +99,8 @@ pub struct Structure<const D: usize> {
     external: Vec<f64>,
     /// Damage counters of the whole run.
     pub broken: Broken,
+    /// Energy that the bonds that broke held when they did.
+    broken_energy: f64,
     /// Evaluations of all bonds, for throughput: force, and tangent products.
     pub evaluations: (u64, u64),
     closest: Closest,
@@ -198,6 +203,7 @@ impl<const D: usize> Structure<D> {
             external: vec![0.0; n * D],
             driven,
             broken: Broken::default(),
+            broken_energy: 0.0,
             evaluations: (0, 0),
             closest: Closest { ever: f64::INFINITY, now: 1.0, gap: 0.0 },
             fractured: Fractured { start: None, growth: 1.0 },
@@ -370,7 +376,7 @@ impl<const D: usize> Structure<D> {
             let (a, b) = ((k + 1) % 3, (k + 2) % 3);
             *l = ordered_sum(n, |p| self.mass[p * D] * (x(p, a) * w(p, b) - x(p, b) * w(p, a)));
         }
-        Balance { kinetic, strain, contact, external_work: self.work.done, momentum, angular_momentum }
+        Balance { kinetic, strain, contact, external_work: self.work.done, broken_bonds: self.broken_energy, momentum, angular_momentum }
     }
 
     /// Adds the work of the motion since the last call: mean of the old and new forces times the increment. `force` is the
@@ -410,7 +416,9 @@ impl<const D: usize> Structure<D> {
         // ties break together: the threshold is a shade below the fraction of the worst
         let limit = if all { 0.0 } else { worst * least * (1.0 - 1e-9) };
         let start = (!self.statics && self.body.is_rebuilt()).then(|| self.stiffness_at_start(u));
-        let (broken, touched) = self.body.break_and_tell(found.into_iter().filter(|f| f.1 >= limit).map(|f| f.0));
+        let chosen: Vec<_> = found.into_iter().filter(|f| f.1 >= limit).map(|f| f.0).collect();
+        self.broken_energy += self.body.bond_energies(chosen.iter().copied());
+        let (broken, touched) = self.body.break_and_tell(chosen);
         if let Some(start) = start {
             self.fractured.growth = self.fractured.growth.max(self.largest_trace(&touched) / start);
         }
@@ -718,15 +726,16 @@ impl<const D: usize> Statics for Structure<D> {
         Ok(())
     }
     fn checkpoint(&mut self) {
-        self.saved_work = Some(self.work.clone());
+        self.saved_work = Some((self.work.clone(), self.broken, self.broken_energy));
         self.work_open = true;
         if !self.failure.is_empty() {
             self.body.save_damage(&mut self.saved);
         }
     }
     fn rollback(&mut self) {
-        if let Some(work) = &self.saved_work {
+        if let Some((work, broken, energy)) = &self.saved_work {
             self.work = work.clone();
+            (self.broken, self.broken_energy) = (*broken, *energy);
         }
         self.work_open = true;
         if !self.failure.is_empty() {

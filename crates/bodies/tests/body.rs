@@ -414,3 +414,41 @@ fn lattice_families_share_their_shapes() {
     println!("bytes a point: {few:.1} shared, {each:.1} else");
     assert!(few < 0.5 * each);
 }
+
+#[test]
+fn bonds_that_break_held_the_energy_of_their_springs() {
+    // bond-based: a pair of micromodulus c (mean of both ends) holds c s² |ξ| V V'/2; counted once whichever end is named
+    let position = lattice(0..12, 0..9);
+    let u = motion(&position);
+    let n = position.len();
+    let mut b = body(&position, 2.015, &[], false);
+    let points: Vec<u32> = (0..n as u32).collect();
+    let constants = BondBasedConstants { young: 3.0, section: SECTION, continuum: false };
+    let part: Box<dyn Part<2>> =
+        Box::new(Assigned::new("b", BondBased { law: Elastic, omega: One }, Constants::Uniform(constants), &points, b.chunks()));
+    b.assign(vec![part]).unwrap();
+    let critical = vec![0.02; n];
+    let found: Vec<_> = b.exceeding(&u, None, &Criterion::CriticalStretch(critical)).into_iter().map(|f| f.0).collect();
+    assert!(found.len() > 10);
+    let moment = |p: usize| b.reference_family(p).iter().map(|(xi, v)| xi[0].hypot(xi[1]) * v).sum::<f64>();
+    let mut pairs: Vec<(usize, usize)> = found.iter().map(|f| b.ends(*f)).map(|(p, q)| (p.min(q), p.max(q))).collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    let want: f64 = pairs
+        .iter()
+        .map(|&(p, q)| {
+            let xi = [position[q][0] - position[p][0], position[q][1] - position[p][1]];
+            let y = [xi[0] + u[2 * q] - u[2 * p], xi[1] + u[2 * q + 1] - u[2 * p + 1]];
+            let (length, stretch) = (xi[0].hypot(xi[1]), y[0].hypot(y[1]) / xi[0].hypot(xi[1]) - 1.0);
+            let c = 0.5 * 6.4 * 3.0 * (1.0 / moment(p) + 1.0 / moment(q));
+            // T.eta/2 of both halves: the force is along Y, eta is not
+            let along = ((y[0] - xi[0]) * y[0] + (y[1] - xi[1]) * y[1]) / y[0].hypot(y[1]);
+            0.5 * c * stretch * along * if length > 0.0 { 1.0 } else { 0.0 }
+        })
+        .sum();
+    b.forward(&u, None);
+    let got = b.bond_energies(found.iter().copied());
+    assert!((got / want - 1.0).abs() < 1e-12, "{got} {want}");
+    b.break_bonds(found.iter().copied());
+    assert_eq!(b.bond_energies(found), 0.0);
+}

@@ -788,6 +788,7 @@ impl<'a> Recorder<'a> {
             b.external_work,
             total,
             b.external_work + initial - total,
+            b.broken_bonds,
             b.momentum[0],
             b.momentum[1],
             b.momentum[2],

@@ -305,3 +305,31 @@ fn one_combination_is_run_alone_and_the_whole_is_checked_and_verified() {
     assert!(slow.contains(&"study: order of first against dx (m = 1)".into()), "{slow:?}");
     assert!(slow.contains(&"m=1,n=80: step".into()), "{slow:?}");
 }
+
+#[test]
+fn what_other_runs_expect_is_read_with_their_own_parameters() {
+    // 1/(m - 1) has no value with m = 1, which is the deck as the other runs see it
+    let own = "  soft: {set: {E: 7 GPa, m: 2}, expect: [{name: own, quantity: step, value: 1/(m - 1), absolute: 0}]}";
+    let text = BAR.replace("  soft: {set: {E: 7 GPa}, expect: [{name: own, quantity: step, value: 1, absolute: 0}]}", own);
+    let text = text.replace("stiff: {set: {E: 210 GPa}}", "stiff: {set: {E: 210 GPa, m: 1}}");
+    assert!(text.contains(own), "the deck has changed");
+    let read = |run: &str| Deck::from_text(text.clone(), Path::new("deck.yaml"), &[], Some(run)).map_err(|e| e.to_string());
+    let stiff = read("stiff").expect("what `soft` expects is none of its business");
+    assert!(stiff.expectations().all(|e| e.label() != "own"));
+    let soft = read("soft").unwrap();
+    assert_eq!(soft.expectations().find(|e| e.label() == "own").unwrap().value.unwrap().value, 1.0);
+    // in a study the same holds for the expectations of combinations
+    let study = format!(
+        "{}study:\n  vary: {{m: [1, 2]}}\n  combinations:\n    \"m=2\": {{expect: [{{name: second, quantity: step, value: 1/(m - 1), absolute: 0}}]}}\n",
+        BAR.replace("  soft: {set: {E: 7 GPa}, expect: [{name: own, quantity: step, value: 1, absolute: 0}]}\n", "")
+    );
+    let folder = std::env::temp_dir().join(format!("peridyne-study-own-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("deck.yaml");
+    std::fs::write(&path, study).unwrap();
+    let combinations = Deck::study(&path, &[]).map_err(|e| e.to_string()).unwrap().unwrap().combinations;
+    let labels: Vec<Vec<String>> = combinations.iter().map(|c| c.deck.expectations().map(|e| e.label()).collect()).collect();
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert_eq!(labels.len(), 2);
+    assert!(!labels[0].contains(&"second".to_string()) && labels[1].contains(&"second".to_string()), "{labels:?}");
+}

@@ -320,7 +320,7 @@ pub(crate) fn placeholders(label: &str) -> Vec<&str> {
 }
 
 /// Columns that every history begins with.
-pub(crate) const HISTORY: [&str; 16] = [
+pub(crate) const HISTORY: [&str; 17] = [
     "time",
     "step",
     "energy.kinetic",
@@ -329,6 +329,7 @@ pub(crate) const HISTORY: [&str; 16] = [
     "energy.external_work",
     "energy.total",
     "energy.dissipated",
+    "energy.broken_bonds",
     "momentum.x",
     "momentum.y",
     "momentum.z",
