@@ -320,25 +320,6 @@ impl<const D: usize> Body<D> {
         })
     }
 
-    /// Trace of the stiffness of the family of each of the given points (sorted index), at the displacements last handed out by
-    /// [`forward`](Self::forward) \[N/m\].
-    pub fn family_traces(&self, points: &[usize]) -> Vec<f64> {
-        let traces = points.par_chunks(256).map(|points| {
-            let (mut scratch, mut dense) = (StiffnessScratch::default(), vec![]);
-            let trace = |&p: &usize| {
-                let c = &self.chunks[p / self.chunk_points];
-                // a family couples its own point and at most every far end
-                let most = (1 + c.slots(p - c.first).len()) * D;
-                dense.resize(most * most, 0.0);
-                let n = self.family_stiffness(&mut scratch, p, &mut dense);
-                (0..n).map(|q| dense[q * n + q]).sum()
-            };
-            points.iter().map(trace).collect::<Vec<f64>>()
-        });
-        let traces: Vec<Vec<f64>> = traces.collect();
-        traces.into_iter().flatten().collect()
-    }
-
     /// Whether breaking stiffens the bonds that are left in some material.
     pub fn is_rebuilt(&self) -> bool {
         self.parts.iter().any(|p| p.is_rebuilt())
@@ -492,9 +473,8 @@ impl<const D: usize> Body<D> {
     }
 
     /// Stiffness of the family of `point` over the points that [`couplings`](Self::couplings) lists for it, at the
-    /// displacements last handed out by [`forward`](Self::forward): dense, row-major, overwritten (its first rows × rows words). Returns the
-    /// number of rows.
-    pub fn family_stiffness(&self, scratch: &mut StiffnessScratch, point: usize, dense: &mut [f64]) -> usize {
+    /// displacements last handed out by [`forward`](Self::forward): dense, row-major, overwritten.
+    pub fn family_stiffness(&self, scratch: &mut StiffnessScratch, point: usize, dense: &mut [f64]) {
         let k = point / self.chunk_points;
         let c = &self.chunks[k];
         if scratch.chunk != Some(k) {
@@ -506,7 +486,7 @@ impl<const D: usize> Body<D> {
         for part in &self.parts {
             part.family_stiffness(k, i, c, &mut scratch.jets, &mut scratch.bonds);
         }
-        c.expand(i, &scratch.bonds, &mut scratch.members, dense)
+        c.expand(i, &scratch.bonds, &mut scratch.members, dense);
     }
 
     /// The diagonal D×D blocks of the stiffness at `u`, row-major, `D²` words a point.
@@ -549,7 +529,7 @@ pub struct StiffnessScratch {
 impl<const D: usize> Chunk<D> {
     /// From bonds to points: the stiffness of a family over its own point and the distinct far points (broken ones keep
     /// zero rows), mirror images folded onto their points.
-    fn expand(&self, i: usize, bonds: &[f64], members: &mut Vec<u32>, dense: &mut [f64]) -> usize {
+    fn expand(&self, i: usize, bonds: &[f64], members: &mut Vec<u32>, dense: &mut [f64]) {
         members.clear();
         let own = self.points[i];
         members.extend(self.slots(i).map(|s| self.points[self.neighbor[s] as usize]).filter(|&p| p != own));
@@ -586,7 +566,6 @@ impl<const D: usize> Chunk<D> {
                 }
             }
         }
-        n
     }
 }
 
