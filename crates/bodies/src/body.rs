@@ -410,25 +410,6 @@ impl<const D: usize> Body<D> {
         })
     }
 
-    /// Trace of the stiffness of the family of each of the given points (sorted index), at the displacements last handed out by
-    /// [`forward`](Self::forward) \[N/m\].
-    pub fn family_traces(&self, points: &[usize]) -> Vec<f64> {
-        let traces = points.par_chunks(256).map(|points| {
-            let (mut scratch, mut dense) = (StiffnessScratch::default(), vec![]);
-            let trace = |&p: &usize| {
-                let c = &self.chunks[p / self.chunk_points];
-                // a family couples its own point and at most every far end
-                let most = (1 + c.slots(p - c.first).len()) * D;
-                dense.resize(most * most, 0.0);
-                let n = self.family_stiffness(&mut scratch, p, &mut dense);
-                (0..n).map(|q| dense[q * n + q]).sum()
-            };
-            points.iter().map(trace).collect::<Vec<f64>>()
-        });
-        let traces: Vec<Vec<f64>> = traces.collect();
-        traces.into_iter().flatten().collect()
-    }
-
     /// Whether breaking stiffens the bonds that are left in some material.
     pub fn is_rebuilt(&self) -> bool {
         self.parts.iter().any(|p| p.is_rebuilt())
@@ -588,11 +569,10 @@ impl<const D: usize> Body<D> {
     }
 
     /// Stiffness of the family of `point` over the points that [`couplings`](Self::couplings) lists for it, at the
-    /// displacements last handed out by [`forward`](Self::forward): dense, row-major, overwritten (its first rows × rows words). Returns the
-    /// number of rows.
-    pub fn family_stiffness(&self, scratch: &mut StiffnessScratch<D>, point: usize, dense: &mut [f64]) -> usize {
+    /// displacements last handed out by [`forward`](Self::forward): dense, row-major, overwritten.
+    pub fn family_stiffness(&self, scratch: &mut StiffnessScratch<D>, point: usize, dense: &mut [f64]) {
         let (c, i) = self.bond_stiffness(scratch, point);
-        c.expand(i, &scratch.bonds, &mut scratch.list, &mut scratch.sums, dense)
+        c.expand(i, &scratch.bonds, &mut scratch.list, &mut scratch.sums, dense);
     }
 
     /// Stiffness of a family over its intact bonds, into `scratch.bonds`; its chunk and local index.
@@ -737,7 +717,7 @@ impl<const D: usize> Chunk<D> {
 
     /// From bonds to points: the stiffness of a family over its own point and the distinct far points (broken ones keep
     /// zero rows), mirror images folded onto their points.
-    fn expand(&self, i: usize, bonds: &[f64], list: &mut MemberScratch<D>, sums: &mut Vec<f64>, dense: &mut [f64]) -> usize {
+    fn expand(&self, i: usize, bonds: &[f64], list: &mut MemberScratch<D>, sums: &mut Vec<f64>, dense: &mut [f64]) {
         self.members(i, list);
         let n = list.members.len() * D;
         dense.fill(0.0);
@@ -778,7 +758,6 @@ impl<const D: usize> Chunk<D> {
         for (d, s) in dense[..D * n].iter_mut().zip(sums.iter()) {
             *d += s;
         }
-        n
     }
 }
 

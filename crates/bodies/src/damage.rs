@@ -155,12 +155,6 @@ impl<const D: usize> Body<D> {
     /// Breaks bonds, both directions of each, and rebuilds the shapes of the touched points. A point whose family has
     /// become singular is released: its remaining bonds break too, and so on until no family is singular.
     pub fn break_bonds(&mut self, bonds: impl IntoIterator<Item = BondId>) -> Broken {
-        self.break_and_tell(bonds).0
-    }
-
-    /// The same, and the points (sorted index, distinct) that lost bonds.
-    pub fn break_and_tell(&mut self, bonds: impl IntoIterator<Item = BondId>) -> (Broken, Vec<usize>) {
-        let mut all = vec![];
         let mut broken = Broken::default();
         let mut queue: Vec<BondId> = bonds.into_iter().collect();
         while !queue.is_empty() {
@@ -178,7 +172,6 @@ impl<const D: usize> Body<D> {
             }
             touched.sort_unstable();
             touched.dedup();
-            all.extend(touched.iter().map(|&(k, i)| self.chunks[k].first + i));
             for (k, i) in touched {
                 let c = &self.chunks[k];
                 let view = c.configuration();
@@ -190,9 +183,7 @@ impl<const D: usize> Body<D> {
                 }
             }
         }
-        all.sort_unstable();
-        all.dedup();
-        (broken, all)
+        broken
     }
 
     /// Breaks the bonds for which `cut(near, far)` holds (reference positions of their ends): pre-cracks.

@@ -104,7 +104,6 @@ pub struct Structure<const D: usize> {
     /// Evaluations of all bonds, for throughput: force, and tangent products.
     pub evaluations: (u64, u64),
     closest: Closest,
-    fractured: Fractured,
     /// Length of a step used to differentiate prescribed displacements.
     time_scale: f64,
     /// Whether products with the stiffness of the undeformed body may come from small forces, once that was tried.
@@ -129,14 +128,6 @@ struct Closest {
     now: f64,
     /// The way that points may still go before that matters.
     gap: f64,
-}
-
-/// How bonds stiffen as others break, where shapes are rebuilt.
-struct Fractured {
-    /// Largest trace of the stiffness of a family over the mass of its point, at the start of the run.
-    start: Option<f64>,
-    /// The largest since then over it, at least 1.
-    growth: f64,
 }
 
 impl<const D: usize> Structure<D> {
@@ -206,7 +197,6 @@ impl<const D: usize> Structure<D> {
             broken_energy: 0.0,
             evaluations: (0, 0),
             closest: Closest { ever: f64::INFINITY, now: 1.0, gap: 0.0 },
-            fractured: Fractured { start: None, growth: 1.0 },
             time_scale: duration,
             small_forces: None,
             body,
@@ -415,35 +405,14 @@ impl<const D: usize> Structure<D> {
         let worst = found.iter().fold(0.0f64, |m, f| m.max(f.1));
         // ties break together: the threshold is a shade below the fraction of the worst
         let limit = if all { 0.0 } else { worst * least * (1.0 - 1e-9) };
-        let start = (!self.statics && self.body.is_rebuilt()).then(|| self.stiffness_at_start(u));
         let chosen: Vec<_> = found.into_iter().filter(|f| f.1 >= limit).map(|f| f.0).collect();
         self.broken_energy += self.body.bond_energies(chosen.iter().copied());
-        let (broken, touched) = self.body.break_and_tell(chosen);
-        if let Some(start) = start {
-            self.fractured.growth = self.fractured.growth.max(self.largest_trace(&touched) / start);
-        }
+        let broken = self.body.break_bonds(chosen);
         total.bonds += broken.bonds;
         total.released += broken.released;
         self.broken.bonds += total.bonds;
         self.broken.released += total.released;
         total
-    }
-
-    /// Largest trace of the stiffness of a family over the mass of its point, of the given ones, at the displacements handed out.
-    fn largest_trace(&self, points: &[usize]) -> f64 {
-        points.iter().zip(self.body.family_traces(points)).fold(0.0, |m, (&p, k)| m.max(k / self.mass[p * D]))
-    }
-
-    /// The same of the body (a sample of it where it is large) before anything breaks in the run.
-    fn stiffness_at_start(&mut self, u: &[f64]) -> f64 {
-        const SAMPLE: usize = 2000;
-        if let Some(start) = self.fractured.start {
-            return start;
-        }
-        self.body.forward(u, None);
-        let n = self.body.points();
-        let sample: Vec<usize> = (0..n).step_by(n.div_ceil(SAMPLE)).collect();
-        *self.fractured.start.insert(self.largest_trace(&sample))
     }
 
     /// What is said of two points that have met, `ratio` = |Y|/|ξ|.
@@ -582,7 +551,10 @@ impl<const D: usize> Dynamics for Structure<D> {
         Ok(step.min(APPROACH * approach.time))
     }
     fn hardness(&self) -> f64 {
-        self.fractured.growth / self.closest.now
+        1.0 / self.closest.now
+    }
+    fn stiffens_by_breaking(&self) -> bool {
+        self.body.is_rebuilt()
     }
     fn accept(&mut self, _: f64, u: &[f64], v: &[f64]) -> Result<bool, Stop> {
         self.body.commit(u, Some(v));

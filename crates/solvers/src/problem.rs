@@ -72,6 +72,12 @@ pub trait Dynamics {
         1.0
     }
 
+    /// Whether bonds that are left may become stiffer when others break (shapes that are rebuilt): an automatic step then estimates the
+    /// largest frequency again after breaking. The default is no.
+    fn stiffens_by_breaking(&self) -> bool {
+        false
+    }
+
     /// The increment that ends at `t` is accepted: commit history, break bonds, change conditions. Returns whether the force law
     /// changed (bonds broke), so that the force last evaluated is out of date.
     ///

@@ -58,8 +58,9 @@ pub struct VelocityVerlet {
     pub following: Option<Following>,
 }
 
-/// A step that follows the stiffness: where the body says that it has become harder ([`Dynamics::hardness`]) the largest frequency ω of
-/// its tangent is estimated again, and a part of a step is at most `safety · (2/ω) · max((ω₀/ω)², 0.05)` long ([`FINEST`]).
+/// A step that follows the stiffness: where the body says that it has become harder ([`Dynamics::hardness`]), or bonds broke whose breaking
+/// stiffens others ([`Dynamics::stiffens_by_breaking`]), the largest frequency ω of its tangent is estimated again, and a part of a step
+/// is at most `safety · (2/ω) · max((ω₀/ω)², 0.05)` long ([`FINEST`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Following {
     /// Fraction of the stable step.
@@ -68,38 +69,60 @@ pub struct Following {
     pub frequency: f64,
 }
 
+/// Most steps with bonds that broke between two estimates.
+const MOST_WAITED: usize = 8;
+
 /// Where a [`Following`] is.
 struct Follower {
     following: Option<Following>,
-    /// Hardness at the last estimate.
+    /// Hardness and frequency at the last estimate.
     hardness: f64,
+    frequency: f64,
     /// Longest part that the last estimate allows.
     limit: f64,
     /// Parts made since.
     since: usize,
+    /// Parts since in which bonds broke, and how many are waited for: more where breaking changes little.
+    broke: usize,
+    waited: usize,
 }
 
 impl Follower {
     fn new(following: Option<Following>) -> Self {
-        Follower { following, hardness: 1.0, limit: f64::INFINITY, since: 0 }
+        let frequency = following.map_or(0.0, |f| f.frequency);
+        Follower { following, hardness: 1.0, frequency, limit: f64::INFINITY, since: 0, broke: 0, waited: 1 }
     }
     /// The longest part from here.
     fn limit<P: Dynamics + ?Sized>(&mut self, problem: &mut P, t: f64, u: &[f64]) -> Result<f64, Stop> {
         let Some(Following { safety, frequency }) = self.following else { return Ok(f64::INFINITY) };
         let hardness = problem.hardness();
         self.since += 1;
-        if hardness > HARDER * self.hardness || (self.limit.is_finite() && self.since > PATIENCE) {
-            (self.hardness, self.since) = (hardness, 0);
-            self.limit = match largest_frequency(problem, t, u, 0.05) {
-                // states that only run away have no stable step: the approach of points limits those
-                Err(EigenError::NoStiffness { .. }) if hardness.is_finite() => f64::INFINITY,
-                Err(EigenError::Evaluation(stop)) => return Err(stop),
-                Err(e) => return Err(Stop::new(format!("the stable step could not be estimated again: {e}"))),
-                Ok((omega, _)) if omega <= frequency => f64::INFINITY,
-                Ok((omega, _)) => safety * 2.0 / omega * (frequency / omega).powi(2).max(FINEST),
-            };
+        let harder = hardness > HARDER * self.hardness;
+        let broken = self.broke >= self.waited;
+        if !(harder || broken || (self.limit.is_finite() && self.since > PATIENCE)) {
+            return Ok(self.limit);
+        }
+        let former = self.frequency;
+        (self.hardness, self.since, self.broke) = (hardness, 0, 0);
+        self.limit = match largest_frequency(problem, t, u, 0.05) {
+            // states that only run away have no stable step: the approach of points limits those
+            Err(EigenError::NoStiffness { .. }) if hardness.is_finite() => f64::INFINITY,
+            Err(EigenError::Evaluation(stop)) => return Err(stop),
+            Err(e) => return Err(Stop::new(format!("the stable step could not be estimated again: {e}"))),
+            Ok((omega, _)) => {
+                self.frequency = omega;
+                if omega <= frequency { f64::INFINITY } else { safety * 2.0 / omega * (frequency / omega).powi(2).max(FINEST) }
+            }
+        };
+        if broken {
+            let changed = (self.frequency / former - 1.0).abs() > 0.5 * (HARDER - 1.0);
+            self.waited = if changed { 1 } else { MOST_WAITED.min(2 * self.waited) };
         }
         Ok(self.limit)
+    }
+    /// A part was made; `stiffer` where bonds broke whose breaking may stiffen others.
+    fn made(&mut self, stiffer: bool) {
+        self.broke += usize::from(stiffer);
     }
 }
 
@@ -231,7 +254,8 @@ impl VelocityVerlet {
                 problem.force(time, &motion.u, &motion.v, &mut force).map_err(stopped(step, time))?;
                 kick(&mut motion.v, 0.5 * h, &force, &free.inverse_mass);
                 problem.prescribe_velocity(time, &mut motion.v);
-                problem.accept(time, &motion.u, &motion.v).map_err(stopped(step, time))?;
+                let broke = problem.accept(time, &motion.u, &motion.v).map_err(stopped(step, time))?;
+                follower.made(broke && problem.stiffens_by_breaking());
                 if left <= 0.0 {
                     break;
                 }
