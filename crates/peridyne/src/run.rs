@@ -1,11 +1,11 @@
 //! A run: the deck's solver over the assembled body, with what is observed on the way and written at the end.
 
 use crate::deck::{self, Auto, Deck, DeckErrors, FieldComponent, Moment, Solver};
+use crate::output::background::{BackgroundFile, Frame};
 use crate::output::picture::{self, Deformation, Options, Range, Shown, View};
 use crate::output::plot::{Axis, Curve, Plot, Style};
 use crate::output::summary::{Constant, Exit, Sizes, Summary, Timing, Verdict};
 use crate::output::table::{History, write_final};
-use crate::output::vtkhdf::FieldFile;
 use crate::output::{Field, FieldValues, OutputError, Snapshot, color::ColorMap};
 use crate::problem::{Problem, axis_name};
 use crate::registry::{Assembly, assemble, initial_state};
@@ -252,6 +252,7 @@ pub fn run_keeping(
         }
     };
     solver_time = solving.elapsed().as_secs_f64().max(solver_time) - recorder.seconds;
+    let iterations = recorder.iterations;
     let mut result = recorder.finish(&mut *model, &u, &exit)?;
     let (bonds, chunks, bytes) = model.sizes();
     let (forces, tangents) = model.evaluations();
@@ -260,6 +261,11 @@ pub fn run_keeping(
     constants.push(Constant { name: "steps".into(), value: steps as f64, unit: String::new() });
     constants.push(Constant { name: "force evaluations".into(), value: forces as f64, unit: String::new() });
     constants.push(Constant { name: "tangent products".into(), value: tangents as f64, unit: String::new() });
+    for (name, count) in [("iterations", iterations.0), ("linear iterations", iterations.1)] {
+        if count > 0 {
+            constants.push(Constant { name: name.into(), value: count as f64, unit: String::new() });
+        }
+    }
     let (damage, broken) = model.damage();
     if broken.bonds > 0 {
         constants.push(Constant { name: "bonds broken".into(), value: broken.bonds as f64 / 2.0, unit: String::new() });
@@ -340,6 +346,8 @@ fn statics(
     let result = {
         let mut observer = |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], _: &[f64]| {
             last = (report.time, report.step);
+            recorder.iterations.0 += report.iterations;
+            recorder.iterations.1 += report.linear_iterations;
             recorder.step(model, report, u, &rest, progress)
         };
         program.run(model, method, u, &mut observer, Some(cancel))
@@ -389,7 +397,7 @@ struct Recorder<'a> {
     conditions: Vec<String>,
     history: Option<History>,
     rows: Rows,
-    file: Option<FieldFile>,
+    file: Option<BackgroundFile>,
     pending: Vec<Pending<'a>>,
     measured: Vec<Measurement>,
     /// What is measured without being expected.
@@ -409,6 +417,8 @@ struct Recorder<'a> {
     failed: Option<OutputError>,
     /// Scalars of the run as a whole, for expectations.
     found: Vec<(String, f64)>,
+    /// Iterations of statics, and of their linear solvers.
+    iterations: (usize, usize),
 }
 
 impl<'a> Recorder<'a> {
@@ -467,6 +477,7 @@ impl<'a> Recorder<'a> {
             warnings: vec![],
             failed: None,
             found: vec![],
+            iterations: (0, 0),
         })
     }
 
@@ -494,13 +505,19 @@ impl<'a> Recorder<'a> {
         progress: &mut dyn Progress,
     ) -> ControlFlow<()> {
         let clock = Instant::now();
-        let v = if v.is_empty() { vec![0.0; u.len()] } else { v.to_vec() };
+        let rest;
+        let v = if v.is_empty() {
+            rest = vec![0.0; u.len()];
+            &rest
+        } else {
+            v
+        };
         let t = report.time;
         self.last = (t, report.step as u64);
         // half a step of grace: the step nearest to the time asked for
         let reached = |due: f64| t >= due - 0.5 * report.increment;
         if reached(self.next_row) {
-            let row = self.scalars(model, report.step, t, u, &v);
+            let row = self.scalars(model, report.step, t, u, v);
             if let Some(h) = &mut self.history
                 && let Err(e) = h.append(&row)
             {
@@ -510,11 +527,11 @@ impl<'a> Recorder<'a> {
             self.next_row = next_after(self.next_row, self.row_interval(), t, self.span.0);
         }
         if self.folder.is_some() && reached(self.next_frame) && t < self.span.1 * (1.0 - 1e-12) {
-            self.frame(model, report.step as u64, t, u, &v);
+            self.frame(model, report.step as u64, t, u, v);
             self.next_frame = next_after(self.next_frame, self.frame_interval(), t, self.span.0);
         }
-        self.measure_due(model, report.step, t, u, &v, Some(0.5 * report.increment));
-        self.keep_due(model, t, u, &v, Some(0.5 * report.increment));
+        self.measure_due(model, report.step, t, u, v, Some(0.5 * report.increment));
+        self.keep_due(model, t, u, v, Some(0.5 * report.increment));
         self.seconds += clock.elapsed().as_secs_f64();
         let share = ((t - self.span.0) / (self.span.1 - self.span.0)).clamp(0.0, 1.0);
         progress.at(share, &format!("step {}, time {t:.4e}", report.step));
@@ -618,12 +635,14 @@ impl<'a> Recorder<'a> {
             .filter(|f| !matches!(f, FieldName::Displacement | FieldName::Id))
             .map(|&f| Field::new(f.name(), values(f, model.field(f, t, u, v))))
             .collect();
-        let snapshot = Snapshot { time: t, step, displacement: &displacement, fields: &fields };
+        let frame = Frame { time: t, step, displacement: displacement.clone(), fields };
         let written = match &mut self.file {
-            Some(file) => file.append(&snapshot),
-            None => {
-                FieldFile::create(&folder.join("fields.vtkhdf"), &self.id, &self.reference, &[], &snapshot).map(|f| self.file = Some(f))
-            }
+            Some(file) => file.push(frame),
+            None => BackgroundFile::start(folder.join("fields.vtkhdf"), self.id.clone(), self.reference.clone()).and_then(|mut file| {
+                let pushed = file.push(frame);
+                self.file = Some(file);
+                pushed
+            }),
         };
         self.frames += 1;
         let pictures = self.pictures(model, t, u, v, &displacement, |m| matches!(m, Moment::All), Some(self.frames));
@@ -725,6 +744,9 @@ impl<'a> Recorder<'a> {
             let snapshot = Snapshot { time: t, step, displacement: &displacement, fields: &fields };
             write_final(&folder.join("final.csv"), &self.id, &self.reference, &snapshot)?;
             self.plots(model, &folder, t, u, &v)?;
+        }
+        if let Some(file) = self.file.take() {
+            file.finish()?;
         }
         if let Some(e) = self.failed {
             return Err(e.into());
