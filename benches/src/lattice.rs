@@ -17,8 +17,6 @@ pub struct Lattice<const D: usize> {
     pub horizon: f64,
     /// Families.
     pub families: Neighbors,
-    /// Seconds that sorting and searching took.
-    pub seconds: (f64, f64),
 }
 
 impl<const D: usize> Lattice<D> {
@@ -26,12 +24,9 @@ impl<const D: usize> Lattice<D> {
     pub fn new(cells: [usize; 3], horizon: f64, kept: impl Fn([f64; 3]) -> bool) -> Self {
         let [a, b, c] = cells;
         let grid: Vec<[f64; 3]> = (0..a * b * c).map(|q| [q % a, q / a % b, q / (a * b)].map(|k| k as f64)).filter(|&x| kept(x)).collect();
-        let clock = std::time::Instant::now();
         let position = spatial_order(&grid, D, 1.0).apply(&grid);
-        let sorted = clock.elapsed().as_secs_f64();
         let families = neighbors(&position, D, &vec![horizon; position.len()]).expect("a lattice is a valid cloud");
-        let seconds = (sorted, clock.elapsed().as_secs_f64() - sorted);
-        Lattice { position, horizon, families, seconds }
+        Lattice { position, horizon, families }
     }
 
     /// Number of points.

@@ -3,11 +3,11 @@
 use crate::deck::{self, Auto, Deck, DeckErrors, FieldComponent, Moment, Solver};
 use crate::field_units::unit_of;
 use crate::modes;
+use crate::output::background::{BackgroundFile, Frame};
 use crate::output::picture::{self, Deformation, Options, Range, Shown, View};
 use crate::output::plot::{Axis, Curve, Plot, Style};
 use crate::output::summary::{Constant, Exit, Sizes, Summary, Timing, Verdict};
 use crate::output::table::{History, write_final};
-use crate::output::vtkhdf::FieldFile;
 use crate::output::{Field, FieldValues, OutputError, Snapshot, color::ColorMap};
 use crate::problem::{Problem, axis_name};
 use crate::registry::{Assembly, assemble, initial_state};
@@ -256,6 +256,7 @@ pub fn run_keeping(
         }
     };
     solver_time = solving.elapsed().as_secs_f64().max(solver_time) - recorder.seconds;
+    let iterations = recorder.iterations;
     let mut result = recorder.finish(&mut *model, &u, &exit)?;
     let (bonds, chunks, bytes) = model.sizes();
     let (forces, tangents) = model.evaluations();
@@ -264,6 +265,11 @@ pub fn run_keeping(
     constants.push(Constant { name: "steps".into(), value: steps as f64, unit: String::new() });
     constants.push(Constant { name: "force evaluations".into(), value: forces as f64, unit: String::new() });
     constants.push(Constant { name: "tangent products".into(), value: tangents as f64, unit: String::new() });
+    for (name, count) in [("iterations", iterations.0), ("linear iterations", iterations.1)] {
+        if count > 0 {
+            constants.push(Constant { name: name.into(), value: count as f64, unit: String::new() });
+        }
+    }
     let (damage, broken) = model.damage();
     if broken.bonds > 0 {
         constants.push(Constant { name: "bonds broken".into(), value: broken.bonds as f64 / 2.0, unit: String::new() });
@@ -409,6 +415,8 @@ fn statics(
     let result = {
         let mut observer = |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], _: &[f64]| {
             last = (report.time, report.step);
+            recorder.iterations.0 += report.iterations;
+            recorder.iterations.1 += report.linear_iterations;
             recorder.step(model, report, u, &rest, progress)
         };
         program.run(model, method, u, &mut observer, Some(cancel))
@@ -548,7 +556,7 @@ struct Recorder<'a> {
     conditions: Vec<String>,
     history: Option<History>,
     rows: Rows,
-    file: Option<FieldFile>,
+    file: Option<BackgroundFile>,
     pending: Vec<Pending<'a>>,
     measured: Vec<Measurement>,
     /// What is measured without being expected.
@@ -574,6 +582,8 @@ struct Recorder<'a> {
     unstable: usize,
     /// Whether frames and pictures have been made already.
     drawn: bool,
+    /// Iterations of statics, and of their linear solvers.
+    iterations: (usize, usize),
 }
 
 impl<'a> Recorder<'a> {
@@ -642,6 +652,7 @@ impl<'a> Recorder<'a> {
             path,
             unstable: 0,
             drawn: false,
+            iterations: (0, 0),
         })
     }
 
@@ -674,7 +685,13 @@ impl<'a> Recorder<'a> {
         progress: &mut dyn Progress,
     ) -> ControlFlow<()> {
         let clock = Instant::now();
-        let v = if v.is_empty() { vec![0.0; u.len()] } else { v.to_vec() };
+        let rest;
+        let v = if v.is_empty() {
+            rest = vec![0.0; u.len()];
+            &rest
+        } else {
+            v
+        };
         let t = report.time;
         self.last = (t, report.step as u64);
         // half a step of grace: the step nearest to the time asked for
@@ -684,7 +701,7 @@ impl<'a> Recorder<'a> {
         let count = report.step as f64;
         let reached = |due: f64| if path { count >= due } else { t >= due - grace };
         if path || reached(self.next_row) {
-            let row = self.scalars(model, report.step, t, u, &v);
+            let row = self.scalars(model, report.step, t, u, v);
             if let Some(h) = &mut self.history
                 && let Err(e) = h.append(&row)
             {
@@ -694,7 +711,7 @@ impl<'a> Recorder<'a> {
             self.next_row = next_after(self.next_row, self.row_interval(), t, self.span.0);
         }
         if self.folder.is_some() && reached(self.next_frame) && (path || t < self.span.1 * (1.0 - 1e-12)) {
-            self.frame(model, report.step as u64, if path { count } else { t }, u, &v);
+            self.frame(model, report.step as u64, if path { count } else { t }, u, v);
             // a path has as many steps as it takes: frames become rarer
             self.next_frame = if path {
                 count + (0.1 * count).max(1.0).floor()
@@ -702,8 +719,8 @@ impl<'a> Recorder<'a> {
                 next_after(self.next_frame, self.frame_interval(), t, self.span.0)
             };
         }
-        self.measure_due(model, report.step, t, u, &v, Some(grace));
-        self.keep_due(model, t, u, &v, Some(grace));
+        self.measure_due(model, report.step, t, u, v, Some(grace));
+        self.keep_due(model, t, u, v, Some(grace));
         self.seconds += clock.elapsed().as_secs_f64();
         let share = ((t - self.span.0) / (self.span.1 - self.span.0)).clamp(0.0, 1.0);
         progress.at(share, &format!("step {}, time {t:.4e}", report.step));
@@ -835,13 +852,18 @@ impl<'a> Recorder<'a> {
             .filter(|f| !matches!(f, FieldName::Displacement | FieldName::Id))
             .map(|&f| Field::new(f.name(), values(f, model.field(f, t, u, v))))
             .collect();
-        let snapshot = Snapshot { time: t, step, displacement: &displacement, fields: &fields };
+        let frame = Frame { time: t, step, displacement: displacement.clone(), fields };
         let written = match &mut self.file {
-            Some(file) => file.append(&snapshot),
+            Some(file) => file.push(frame),
             None => {
-                let triangles = self.problem.surface.as_ref().map_or(&[][..], |s| &s.triangles);
-                FieldFile::create_with(&folder.join("fields.vtkhdf"), &self.id, &self.reference, triangles, &[], &snapshot)
-                    .map(|f| self.file = Some(f))
+                let triangles = self.problem.surface.as_ref().map_or_else(Vec::new, |s| s.triangles.clone());
+                BackgroundFile::start(folder.join("fields.vtkhdf"), self.id.clone(), self.reference.clone(), triangles).and_then(
+                    |mut file| {
+                        let pushed = file.push(frame);
+                        self.file = Some(file);
+                        pushed
+                    },
+                )
             }
         };
         self.frames += 1;
@@ -956,6 +978,9 @@ impl<'a> Recorder<'a> {
             let snapshot = Snapshot { time: t, step, displacement: &displacement, fields: &fields };
             write_final(&folder.join("final.csv"), &self.id, &self.reference, &snapshot)?;
             self.plots(model, &folder, t, u, &v)?;
+        }
+        if let Some(file) = self.file.take() {
+            file.finish()?;
         }
         if let Some(e) = self.failed {
             return Err(e.into());

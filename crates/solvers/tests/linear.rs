@@ -202,6 +202,38 @@ fn families_assemble_to_their_sum() {
 }
 
 #[test]
+fn of_families_that_are_alike_one_is_computed() {
+    // Families of four on a line, of three kinds in turn: the sum is that of Hessians of the kinds, and `fill` sees their first members only.
+    let points = 5000;
+    let (mut starts, mut members) = (vec![0], Vec::new());
+    for k in 0..points - 3 {
+        members.extend([k + 2, k, k + 3, k + 1].map(|p| p as u32));
+        starts.push(members.len());
+    }
+    let mut families = FamilyList::new(points, starts, members).unwrap();
+    families.set_alike((0..families.len() as u32).map(|k| k % 3).collect());
+    let entry = |kind: usize, a: usize, b: usize| ((a.min(b) * 3 + a.max(b) * 5 + kind * 7) % 16) as f64 - 7.0;
+    let mut matrix = BlockMatrix::new(Arc::new(BlockPattern::from_families(1, &families).unwrap()));
+    let fill = |_: &mut (), k: usize, dense: &mut [f64]| {
+        (0..16).for_each(|q| dense[q] = entry(k, q / 4, q % 4));
+        if k < 3 { Ok(()) } else { Err(k) }
+    };
+    matrix.add_families(&families, || (), fill).unwrap();
+    let x: Vec<f64> = (0..points).map(|p| (p % 5) as f64 - 2.0).collect();
+    let (mut got, mut want) = (vec![0.0; points], vec![0.0; points]);
+    for k in 0..families.len() {
+        for (a, &p) in families.family(k).iter().enumerate() {
+            for (b, &q) in families.family(k).iter().enumerate() {
+                want[p as usize] += entry(k % 3, a, b) * x[q as usize];
+            }
+        }
+    }
+    matrix.product(&x, &mut got);
+    // Whole numbers: no round-off.
+    assert_eq!(got, want);
+}
+
+#[test]
 fn bad_lists_are_refused() {
     assert_eq!(FamilyList::new(3, vec![0, 2, 4], vec![0, 1, 2, 2]).unwrap_err(), SparseError::Repeated { list: 1, index: 2 });
     assert_eq!(FamilyList::new(3, vec![0, 2], vec![3, 1]).unwrap_err(), SparseError::OutOfRange { list: 0, index: 3, points: 3 });

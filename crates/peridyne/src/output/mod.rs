@@ -15,6 +15,7 @@
 //! | [`figure`] | `*.png`, `*.csv` | a field of several runs, side by side |
 //! | [`summary`] | `summary.json` | what was run, how it went, what it compares with |
 
+pub mod background;
 pub mod canvas;
 pub mod color;
 pub mod figure;

@@ -1,0 +1,241 @@
+//! Speed of every model, as the program runs it: force evaluation and explicit step, one core and all, beside the roofline; growth with the
+//! size of the body; and set-up.
+//!
+//! ```text
+//! cargo run --release -p peridyne-benches --bin suite [-- [--quick] [--large] [--csv FILE] [--only NAME]]
+//! ```
+//!
+//! `--quick`: small blocks, three rounds. `--large`: growth up to 10⁷ points (20 GB). Rounds are interleaved: each runs every model once, and what is
+//! printed is the median over rounds with least and most.
+
+mod decks;
+
+use bodies::structure::Simulated;
+use decks::{Block, MODELS, Model, STEP, block};
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use solvers::observe::{Observer, StepReport};
+use solvers::problem::Dynamics;
+use solvers::velocity_verlet::{Motion, VelocityVerlet};
+use std::fmt::Write as _;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// Steps of one timing.
+const STEPS: usize = 8;
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let has = |name: &str| arguments.iter().any(|a| a == name);
+    let value = |name: &str| arguments.iter().position(|a| a == name).and_then(|k| arguments.get(k + 1)).cloned();
+    let (quick, only) = (has("--quick"), value("--only"));
+    let rounds = if quick { 3 } else { 7 };
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get()).min(2);
+    let pools: Vec<ThreadPool> = (1..=cores).map(|n| ThreadPoolBuilder::new().num_threads(n).build().expect("threads start")).collect();
+
+    println!("{}, {} cores used; {}", processor(), cores, physics::lanes::name());
+    let bandwidth: Vec<f64> = pools.iter().map(triad).collect();
+    let list: Vec<String> = bandwidth.iter().map(|b| format!("{:.1}", b / 1e9)).collect();
+    println!(
+        "triad bandwidth: {} GB/s on {} core(s)\n",
+        list.join(", "),
+        (1..=cores).map(|n| n.to_string()).collect::<Vec<_>>().join(", ")
+    );
+
+    let mut csv = String::from(
+        "kind,dimension,model,points,bonds,bytes_per_bond,cores,force_ns,force_ns_least,force_ns_most,step_ns,step_ns_least,step_ns_most,roofline_share\n",
+    );
+    let wanted = |m: &&Model| only.as_ref().is_none_or(|name| m.name.contains(name.as_str()));
+    for dimension in [3, 2, 1] {
+        let cells = match (dimension, quick) {
+            (3, false) => [50, 50, 40],
+            (3, true) => [24, 24, 20],
+            (2, false) => [400, 250, 1],
+            (2, true) => [120, 100, 1],
+            (_, false) => [100_000, 1, 1],
+            _ => [10_000, 1, 1],
+        };
+        let models: Vec<&Model> = MODELS.iter().filter(|m| m.dimension == dimension).filter(wanted).collect();
+        let mut blocks: Vec<Block> = models.iter().map(|m| pools[cores - 1].install(|| block(m, cells))).collect();
+        let Some(first) = blocks.first() else { continue };
+        println!(
+            "{dimension} D: {} points, {} directed bonds, horizon {:.3} spacings",
+            first.points,
+            first.bonds,
+            decks::horizon(dimension)
+        );
+        println!(
+            "{:28}{:>7}{:>24}{:>24}{:>10}{:>9}{:>10}{:>12}{:>12}",
+            "", "bytes/", "force, 1 core", "explicit step, 1 core", "million", "beside", "roofline", "efficiency", "efficiency"
+        );
+        println!(
+            "{:28}{:>7}{:>24}{:>24}{:>10}{:>9}{:>10}{:>12}{:>12}",
+            "model", "bond", "ns/bond [least, most]", "ns/bond [least, most]", "bonds/s", "first", "share", "force", "step"
+        );
+        // [model][cores][round]
+        let mut force = vec![vec![vec![]; cores]; blocks.len()];
+        let mut step = force.clone();
+        for _ in 0..rounds {
+            for (m, b) in blocks.iter_mut().enumerate() {
+                for (c, pool) in pools.iter().enumerate() {
+                    force[m][c].push(pool.install(|| time_force(b)));
+                    step[m][c].push(pool.install(|| time_step(b)));
+                }
+            }
+        }
+        let plainest = median(&step[0][0]) / blocks[0].bonds as f64;
+        for (m, b) in blocks.iter().enumerate() {
+            let ns = |t: f64| t * 1e9 / b.bonds as f64;
+            let bytes = b.bytes as f64 / b.bonds as f64;
+            let share = |c: usize| b.bytes as f64 / bandwidth[c] / median(&force[m][c]);
+            let efficiency = |t: &[Vec<f64>]| {
+                let ratios: Vec<f64> = t[0].iter().zip(&t[cores - 1]).map(|(one, all)| one / all / cores as f64).collect();
+                median(&ratios)
+            };
+            let cell = |t: &[f64]| format!("{:.2} [{:.2}, {:.2}]", ns(median(t)), ns(least(t)), ns(most(t)));
+            println!(
+                "{:28}{bytes:>7.1}{:>24}{:>24}{:>10.0}{:>9.2}{:>9.0} %{:>12.2}{:>12.2}",
+                models[m].name,
+                cell(&force[m][0]),
+                cell(&step[m][0]),
+                1e3 / ns(median(&step[m][0])),
+                median(&step[m][0]) / b.bonds as f64 / plainest,
+                100.0 * share(0),
+                efficiency(&force[m]),
+                efficiency(&step[m]),
+            );
+            for c in 0..cores {
+                let (f, s) = (&force[m][c], &step[m][c]);
+                let numbers = [median(f), least(f), most(f), median(s), least(s), most(s)].map(|t| format!("{:.4}", ns(t))).join(",");
+                let _ = writeln!(
+                    csv,
+                    "model,{dimension},{},{},{},{bytes:.2},{},{numbers},{:.4}",
+                    models[m].name.replace(',', ""),
+                    b.points,
+                    b.bonds,
+                    c + 1,
+                    share(c)
+                );
+            }
+        }
+        println!();
+    }
+
+    println!(
+        "Growth in space, one core: ns per directed bond of an explicit step (median of {} rounds), bytes per bond, set-up",
+        rounds.min(3)
+    );
+    println!("{:28}{:>12}{:>14}{:>10}{:>10}{:>22}", "model", "points", "bonds", "ns/bond", "bytes", "search + build, s");
+    let sizes: &[usize] = match (quick, has("--large")) {
+        (true, _) => &[22, 46],
+        (false, false) => &[22, 46, 100],
+        (false, true) => &[22, 46, 100, 215],
+    };
+    for model in MODELS.iter().filter(|m| m.dimension == 3).take(3).filter(wanted) {
+        for &side in sizes {
+            // built on all cores, timed on one
+            let mut b = pools[cores - 1].install(|| block(model, [side; 3]));
+            let times: Vec<f64> = (0..rounds.min(3)).map(|_| pools[0].install(|| time_step(&mut b))).collect();
+            let ns = median(&times) * 1e9 / b.bonds as f64;
+            let bytes = b.bytes as f64 / b.bonds as f64;
+            println!("{:28}{:>12}{:>14}{ns:>10.2}{bytes:>10.1}{:>14.2} +{:>6.2}", model.name, b.points, b.bonds, b.seconds.0, b.seconds.1);
+            let _ = writeln!(
+                csv,
+                "growth,3,{},{},{},{bytes:.2},1,,,,{ns:.4},{:.4},{:.4},",
+                model.name,
+                b.points,
+                b.bonds,
+                least(&times) * 1e9 / b.bonds as f64,
+                most(&times) * 1e9 / b.bonds as f64
+            );
+        }
+    }
+    if let Some(path) = value("--csv") {
+        match std::fs::write(&path, csv) {
+            Ok(()) => println!("\nwritten to {path}"),
+            Err(e) => println!("\n{path} could not be written: {e}"),
+        }
+    }
+}
+
+/// Seconds of one force evaluation, the mean of a few.
+fn time_force(b: &mut Block) -> f64 {
+    const TIMES: usize = 3;
+    let mut f = vec![0.0; b.u.len()];
+    Dynamics::force(&mut *b.model, 0.0, &b.u, &b.v, &mut f).expect("the block is sound");
+    let clock = Instant::now();
+    for _ in 0..TIMES {
+        Dynamics::force(&mut *b.model, 0.0, &b.u, &b.v, &mut f).expect("the block is sound");
+    }
+    clock.elapsed().as_secs_f64() / TIMES as f64
+}
+
+/// Seconds of one explicit step, the mean of a few, with an observer that looks at every one; from the state where the last timing ended.
+fn time_step(b: &mut Block) -> f64 {
+    let solver = VelocityVerlet { time_step: STEP, end: STEPS as f64 * STEP, observe_every: 1 };
+    let mut motion = Motion::at_rest(b.u.len(), 0.0);
+    motion.u.copy_from_slice(&b.u);
+    motion.v.copy_from_slice(&b.v);
+    let mut clock = Clock { started: Instant::now(), seconds: 0.0 };
+    solver.run(&mut *b.model, &mut motion, &mut clock, None).expect("the block is sound");
+    b.u.copy_from_slice(&motion.u);
+    b.v.copy_from_slice(&motion.v);
+    clock.seconds / STEPS as f64
+}
+
+/// Looks at every step, and at the clock.
+struct Clock {
+    started: Instant,
+    seconds: f64,
+}
+
+impl Observer<dyn Simulated> for Clock {
+    fn step(&mut self, report: &StepReport, _: &mut (dyn Simulated + 'static), _: &[f64], _: &[f64]) -> ControlFlow<()> {
+        // the first report follows the force at the start
+        if report.step == 0 {
+            self.started = Instant::now();
+        }
+        self.seconds = self.started.elapsed().as_secs_f64();
+        ControlFlow::Continue(())
+    }
+}
+
+/// Bytes per second of a = b + s c.
+fn triad(pool: &ThreadPool) -> f64 {
+    const LENGTH: usize = 1 << 24;
+    const PART: usize = 1 << 16;
+    let (mut a, b, c) = (vec![0.0f64; LENGTH], vec![1.0f64; LENGTH], vec![2.0f64; LENGTH]);
+    let once = |a: &mut [f64]| {
+        pool.install(|| {
+            let clock = Instant::now();
+            a.par_chunks_mut(PART).zip(b.par_chunks(PART)).zip(c.par_chunks(PART)).for_each(|((a, b), c)| {
+                a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| *a = b + 3.0 * c);
+            });
+            clock.elapsed().as_secs_f64()
+        })
+    };
+    let times: Vec<f64> = (0..7).map(|_| once(&mut a)).collect();
+    24.0 * LENGTH as f64 / least(&times)
+}
+
+/// The name of the processor, where the system tells.
+fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = info.lines().find(|l| l.starts_with("model name")).and_then(|l| l.split(':').nth(1));
+    name.map_or_else(|| std::env::consts::ARCH.into(), |n| n.trim().into())
+}
+
+fn sorted(t: &[f64]) -> Vec<f64> {
+    let mut t = t.to_vec();
+    t.sort_by(f64::total_cmp);
+    t
+}
+fn median(t: &[f64]) -> f64 {
+    sorted(t)[t.len() / 2]
+}
+fn least(t: &[f64]) -> f64 {
+    sorted(t)[0]
+}
+fn most(t: &[f64]) -> f64 {
+    sorted(t)[t.len() - 1]
+}
