@@ -98,7 +98,8 @@ fn compare<const D: usize>(size: [usize; D], horizon: f64, section: Section, rou
         let ((mut fast, seconds), (mut slow, _)) = (make(part), make(part));
         slow.leave_lattices();
         let bonds = fast.bonds();
-        let u: Vec<f64> = (0..fast.dofs()).map(|q| 1e-3 * fast.position()[q / D][q % D] + 1e-3 * ((q * 7919 % 1000) as f64 / 1000.0)).collect();
+        let u: Vec<f64> =
+            (0..fast.dofs()).map(|q| 1e-3 * fast.position()[q / D][q % D] + 1e-3 * ((q * 7919 % 1000) as f64 / 1000.0)).collect();
         let bytes = |b: &Body<D>| {
             let (x, y, z) = b.bytes();
             (x + y + z) as f64 / bonds as f64
@@ -140,7 +141,16 @@ fn compare<const D: usize>(size: [usize; D], horizon: f64, section: Section, rou
         let [step, force, lists] = times.each_mut().map(ns);
         println!(
             "{name:16}{bonds:>10}  {:>6.2}{:>6.2}  {:>6.2}{:>6.2}  {:>6.2}{:>6.2}  {:>6.2} {:>6.1}{:>6.1}{difference:>9.1e}{seconds:>6.2}{:>6.2}{share:>6.2}",
-            step[0], step[1], force[0], force[1], lists[0], lists[1], lists[0] / force[0], bytes[0], bytes[1], spent / wall / threads as f64,
+            step[0],
+            step[1],
+            force[0],
+            force[1],
+            lists[0],
+            lists[1],
+            lists[0] / force[0],
+            bytes[0],
+            bytes[1],
+            spent / wall / threads as f64,
         );
     }
 }
@@ -151,7 +161,10 @@ fn main() {
     let threads = arguments.next().unwrap_or(1).max(1);
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().expect("the pool is built once");
     println!("ns of processor time per directed bond, median and best: explicit step (and critical stretches), force, force by lists;");
-    println!("ratio of forces; bytes a bond, by lists; difference; set-up in seconds; share of the clock; share on lattices. {}", physics::lanes::name());
+    println!(
+        "ratio of forces; bytes a bond, by lists; difference; set-up in seconds; share of the clock; share on lattices. {}",
+        physics::lanes::name()
+    );
     compare([50, 50, 40], 3.015, Section::Solid, rounds, threads);
     compare([250, 250], 3.1 * std::f64::consts::SQRT_2, Section::PlaneStrain { thickness: 1.0 }, rounds, threads);
 }
