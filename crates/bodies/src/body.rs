@@ -111,6 +111,11 @@ impl<const D: usize> Body<D> {
                 inflow[target].last_mut().expect("just pushed").pairs.push((l as u32, place, c.flips[l]));
             }
         }
+        let mut chunks = chunks;
+        // the bonds of two mirror images to each other's points are one pair, but not opposite
+        let once =
+            g.horizon.iter().all(|h| *h == g.horizon[0]) && chunks.iter().all(|c| c.lattice.is_some() && c.flips.iter().all(|f| *f == 0));
+        chunks.iter_mut().filter_map(|c| c.lattice.as_mut()).for_each(|l| l.once = once);
         let bonds = chunks.iter().map(|c| c.count.iter().map(|&n| n as usize).sum::<usize>()).sum();
         Body { points, chunk_points, chunks, inflow, parts: vec![], position: g.position.to_vec(), volume: g.volume.to_vec(), bonds }
     }
@@ -242,17 +247,25 @@ impl<const D: usize> Body<D> {
 
     /// Internal forces \[N\] at displacements `u` (and velocities `v`), overwriting `force`.
     pub fn internal_force(&mut self, u: &[f64], v: Option<&[f64]>, force: &mut [f64]) {
+        self.internal_force_watching(u, v, None, force);
+    }
+
+    /// The same, where bonds are to be looked at that come near their critical stretch (per point), for
+    /// [`exceeding_at_force`](Self::exceeding_at_force).
+    pub fn internal_force_watching(&mut self, u: &[f64], v: Option<&[f64]>, critical: Option<&[f64]>, force: &mut [f64]) {
         let parts = &self.parts;
         self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
             let on_lattice = on_lattice(parts, k, c);
             c.hand_out(on_lattice, u, v);
             if on_lattice && let Some(mut lattice) = c.lattice.take() {
-                let mut planes = std::mem::take(&mut lattice.force);
-                planes.fill(0.0);
+                let (mut planes, mut stretched) = (std::mem::take(&mut lattice.force), std::mem::take(&mut lattice.stretched));
+                lattice.clear_force(&mut planes);
+                stretched.clear();
+                let watch = critical.map(|critical| LatticePoints::<D>::growth_limit(c.least(critical)));
                 for part in parts {
-                    part.add_force_on_lattice(k, &c.configuration(), &lattice, &mut planes);
+                    part.add_force_on_lattice(k, &c.configuration(), &lattice, watch, &mut planes, &mut stretched);
                 }
-                lattice.force = planes;
+                (lattice.force, lattice.stretched) = (planes, stretched);
                 c.lattice = Some(lattice);
                 return;
             }

@@ -336,6 +336,11 @@ impl<const D: usize> Chunk<D> {
         }
     }
 
+    /// The least threshold of the local points, given one per point of the body: no bond breaks below it.
+    pub(crate) fn least(&self, critical: &[f64]) -> f64 {
+        self.points.iter().fold(f64::INFINITY, |m, &p| m.min(critical[p as usize]))
+    }
+
     /// The bond slots of owned point `i`, padding excluded.
     pub(crate) fn slots(&self, i: usize) -> std::ops::Range<usize> {
         let a = self.start[i] as usize;

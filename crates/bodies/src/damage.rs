@@ -46,18 +46,15 @@ impl<const D: usize> Body<D> {
         match criterion {
             Criterion::CriticalStretch(critical) => {
                 let parts = &self.parts;
-                self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| c.hand_out(on_lattice(parts, k, c), u, v));
-                self.exceeding_by(critical, |k, c, found| {
-                    if let (true, Some(lattice)) = (on_lattice(parts, k, c), &c.lattice) {
-                        // no bond breaks below the least threshold of the chunk
-                        let least = c.points.iter().fold(f64::INFINITY, |m, &p| m.min(critical[p as usize]));
-                        return lattice.stretched_beyond(c, least, found);
+                self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
+                    let on_lattice = on_lattice(parts, k, c);
+                    c.hand_out(on_lattice, u, v);
+                    let least = c.least(critical);
+                    if let (true, Some(lattice)) = (on_lattice, &mut c.lattice) {
+                        lattice.find_stretched(least);
                     }
-                    let view = c.configuration();
-                    for i in 0..c.owned {
-                        Family::<f64, D>::new(&view, i).each(|b| found(i, b.slot(), b.stretch().0));
-                    }
-                })
+                });
+                self.exceeding_at_force(critical)
             }
             Criterion::CriticalBondEnergy(critical) => {
                 self.forward(u, v);
@@ -88,6 +85,26 @@ impl<const D: usize> Body<D> {
                 })
             }
         }
+    }
+
+    /// The bonds beyond their critical stretch (per point) at the displacements of the last force evaluation, which watched it
+    /// ([`internal_force_watching`](Self::internal_force_watching)).
+    pub fn exceeding_at_force(&self, critical: &[f64]) -> Vec<(BondId, f64)> {
+        let mut found = self.exceeding_by(critical, |k, c, found| {
+            if let (true, Some(lattice)) = (on_lattice(&self.parts, k, c), &c.lattice) {
+                lattice.stretches(c).for_each(|(i, slot, stretch)| found(i, slot, stretch));
+                return;
+            }
+            let view = c.configuration();
+            for i in 0..c.owned {
+                Family::<f64, D>::new(&view, i).each(|b| found(i, b.slot(), b.stretch().0));
+            }
+        });
+        // of each pair at least one was found, in any order
+        found.extend(found.clone().iter().filter_map(|&(bond, ratio)| Some((self.reverse(bond)?, ratio))));
+        found.sort_by_key(|f| f.0);
+        found.dedup_by_key(|f| f.0);
+        found
     }
 
     fn exceeding_by(

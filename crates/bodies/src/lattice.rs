@@ -38,6 +38,13 @@ struct Run {
 /// The points of a chunk on a lattice.
 pub struct LatticePoints<const D: usize> {
     stencil: Vec<StencilBond>,
+    /// How many bonds of the stencil come first of which none is the opposite of another: half of them, where each has its opposite.
+    half: usize,
+    /// Whether pairwise models take each pair at one of its ends only: every pair of the body is then seen from both, by two bonds that are
+    /// opposite (the bonds of two mirror images are not).
+    pub(crate) once: bool,
+    /// Bonds stretched beyond a limit at the displacements of the last force evaluation, as owned point and bond of the stencil.
+    pub(crate) stretched: Vec<(u32, u32)>,
     /// Bond of the stencil for each offset from −reach to reach, or [`NOBODY`].
     by_offset: Vec<u32>,
     /// Cell of each local point.
@@ -50,6 +57,8 @@ pub struct LatticePoints<const D: usize> {
     mask: Vec<u8>,
     /// Cells, margins included: the length of a plane.
     cells: usize,
+    /// The cells between the margins: nothing acts on others.
+    inner: std::ops::Range<usize>,
     /// A plane for each component.
     displacement: Rows,
     pub(crate) force: Rows,
@@ -70,30 +79,38 @@ impl<const D: usize> LatticePoints<D> {
         }
         // the box begins where the owned points fill the fewest groups
         let along = D - 1;
-        let row = |x: &[i64; D]| (0..along).fold(0, |r, k| r * extent[k] + (x[k] - low[k]) as usize);
+        let key = |x: &[i64; D]| (0..along).fold(0, |r, k| r * extent[k] + (x[k] - low[k]) as usize);
         let shift = (0..WIDTH)
             .min_by_key(|shift| {
                 let mut groups: Vec<(usize, usize)> =
-                    place.of_point[..c.owned].iter().map(|x| (row(x), ((x[along] - low[along]) as usize + shift) / WIDTH)).collect();
+                    place.of_point[..c.owned].iter().map(|x| (key(x), ((x[along] - low[along]) as usize + shift) / WIDTH)).collect();
                 groups.sort_unstable();
                 groups.dedup();
                 groups.len()
             })
             .unwrap_or(0);
-        // an odd number of cache lines from row to row, so that the rows of a family do not fall on the same few sets of the cache
-        let stride = WIDTH * ((extent[along] + shift).div_ceil(WIDTH) | 1);
-        let rows: usize = extent[..along].iter().product();
-        if rows * stride > i32::MAX as usize / 8 {
+        // rows of whole cache lines, and an odd number of them from layer to layer, so that the rows of a family do not fall on the same few
+        // sets of the cache
+        let lines = (extent[along] + shift).div_ceil(WIDTH);
+        let stride: [usize; D] = match D {
+            1 => [1; D],
+            2 => std::array::from_fn(|k| if k == along { 1 } else { WIDTH * (lines | 1) }),
+            _ => std::array::from_fn(
+                |k| if k == along { 1 } else { WIDTH * if k + 1 == along { lines } else { (lines * extent[k + 1]) | 1 } },
+            ),
+        };
+        let length = stride[0].checked_mul(extent[0])?.max(lines * WIDTH).next_multiple_of(WIDTH);
+        if length > i32::MAX as usize / 8 {
             return None;
         }
         let mut cell: Vec<u32> =
-            place.of_point.iter().map(|x| (row(x) * stride + (x[along] - low[along]) as usize + shift) as u32).collect();
+            place.of_point.iter().map(|x| ((0..D).map(|k| (x[k] - low[k]) as usize * stride[k]).sum::<usize>() + shift) as u32).collect();
         let offsets = (0..c.owned).flat_map(|i| c.slots(i).map(move |s| (i, s)));
         let reach = offsets.fold(0, |m, (i, s)| m.max(cell[c.neighbor[s] as usize].abs_diff(cell[i]))) as usize;
         // in front of the first row and behind the last: a group of eight looks that far although some of its points do not
         let margin = (reach + WIDTH).next_multiple_of(WIDTH);
         cell.iter_mut().for_each(|q| *q += margin as u32);
-        let cells = spread_planes(margin + rows * stride + margin);
+        let cells = spread_planes(margin + length + margin);
         let mut taken = vec![false; cells];
         for &q in &cell {
             // two points in one place
@@ -103,6 +120,9 @@ impl<const D: usize> LatticePoints<D> {
         }
         let mut lattice = LatticePoints {
             stencil: vec![],
+            half: 0,
+            once: false,
+            stretched: vec![],
             by_offset: vec![],
             runs: runs(c, &cell),
             cell,
@@ -110,6 +130,7 @@ impl<const D: usize> LatticePoints<D> {
             group_of: vec![NOBODY; cells / WIDTH],
             mask: vec![],
             cells,
+            inner: margin..margin + length,
             displacement: Rows::zeros(D * cells),
             force: Rows::zeros(D * cells),
             volume: Rows::zeros(cells),
@@ -164,12 +185,10 @@ impl<const D: usize> LatticePoints<D> {
         }
         // bonds to neighbouring cells of a row far from one another in time: what one stores the other does not wait for
         let along = D - 1;
+        let forward = |step: &[i64; D]| step.iter().rev().find(|s| **s != 0).is_some_and(|s| *s > 0);
         let mut order: Vec<usize> = (0..steps.len()).collect();
-        order.sort_by_key(|&b| {
-            let step = steps[b][along];
-            // 0, 1, 2, …, and after them −1, −2, …
-            (step < 0, step.abs(), steps[b])
-        });
+        order.sort_by_key(|&b| (!forward(&steps[b]), steps[b][along].abs(), steps[b]));
+        self.half = steps.iter().filter(|s| forward(s)).count();
         self.stencil = order.iter().map(|&b| self.stencil[b]).collect();
         for (k, bond) in self.stencil.iter().enumerate() {
             of_offset[(bond.offset + reach as i32) as usize] = k as u32;
@@ -215,6 +234,11 @@ impl<const D: usize> LatticePoints<D> {
     pub(crate) fn masks(&self, group: u32) -> &[u8] {
         &self.mask[group as usize * self.stencil.len()..][..self.stencil.len()]
     }
+    /// Bonds that come before the opposite of any.
+    #[inline(always)]
+    pub(crate) fn half(&self) -> usize {
+        self.half
+    }
 
     /// Cells of a plane.
     #[inline(always)]
@@ -259,23 +283,30 @@ impl<const D: usize> LatticePoints<D> {
         }
     }
 
-    /// Calls `f(slot, stretch)` for the bonds whose stretch is above `least`, or so near to it that round-off decides, in the order of their
-    /// slots. Displacements are those of the planes.
-    pub(crate) fn stretched_beyond(&self, c: &Chunk<D>, least: f64, mut f: impl FnMut(usize, usize, f64)) {
-        let mut candidates = widest_abreast(Stretched { lattice: self, limit: least * (2.0 + least) });
-        candidates.sort_unstable();
-        for (i, bond) in candidates {
+    /// |Y|² − |ξ|² over |ξ|² of a stretch, less what round-off may do.
+    pub(crate) fn growth_limit(stretch: f64) -> f64 {
+        let limit = stretch * (2.0 + stretch);
+        limit - EXACT * (1.0 + limit.abs())
+    }
+
+    /// Slot and stretch of the bonds found to be [`stretched`](Self::stretched).
+    pub(crate) fn stretches<'a>(&'a self, c: &'a Chunk<D>) -> impl Iterator<Item = (usize, usize, f64)> + 'a {
+        let n = self.cells;
+        self.stretched.iter().map(move |&(i, bond)| {
             let i = i as usize;
             let near = self.cell[i];
             let far = near.wrapping_add_signed(self.stencil[bond as usize].offset);
             let slot = c.slots(i).find(|&s| self.cell[c.neighbor[s] as usize] == far).expect("a bond of the point");
-            let n = self.cells;
-            let eta = Vector::<f64, D>(std::array::from_fn(|k| {
-                self.displacement[k * n + far as usize] - self.displacement[k * n + near as usize]
-            }));
+            let u = |cell: u32, k: usize| self.displacement[k * n + cell as usize];
+            let eta = Vector::<f64, D>(std::array::from_fn(|k| u(far, k) - u(near, k)));
             let xi = c.xi(i, slot);
-            f(i, slot, stretch(Vector(std::array::from_fn(|k| xi[k])), eta));
-        }
+            (i, slot, stretch(Vector(std::array::from_fn(|k| xi[k])), eta))
+        })
+    }
+
+    /// Finds the bonds whose stretch is above `least`, or so near to it that round-off decides, at the displacements of the planes.
+    pub(crate) fn find_stretched(&mut self, least: f64) {
+        self.stretched = widest_abreast(Stretched { lattice: self, limit: Self::growth_limit(least) });
     }
 
     /// Keeps the words of pairwise models, one for each local point.
@@ -326,6 +357,11 @@ impl<const D: usize> LatticePoints<D> {
         self.force[k * self.cells + self.cell[local] as usize]
     }
 
+    /// Nothing acts on any point.
+    pub(crate) fn clear_force(&self, planes: &mut [f64]) {
+        planes.chunks_exact_mut(self.cells).for_each(|plane| plane[self.inner.clone()].fill(0.0));
+    }
+
     /// Bytes held for bonds and for points.
     pub(crate) fn bytes(&self) -> (usize, usize) {
         let bonds = self.mask.len() + self.stencil.len() * size_of::<StencilBond>() + self.by_offset.len() * 4;
@@ -366,7 +402,7 @@ impl<const D: usize> GroupKernel for Stretched<'_, D> {
     fn run<S: Abreast>(self) -> Self::Output {
         let lattice = self.lattice;
         let c = lattice.configuration::<S>();
-        let limit = self.limit - EXACT * (1.0 + self.limit.abs());
+        let limit = self.limit;
         let mut found = vec![];
         for (k, groups) in lattice.groups.chunks(S::GROUPS).enumerate() {
             let first = (k * S::GROUPS) as u32;

@@ -3,7 +3,7 @@
 use crate::chunk::Chunk;
 use crate::lattice::{Group, LatticePoints, NOBODY};
 use crate::shared::{Distinct, Shared};
-use physics::family::{Configuration, Family, Place, Reference};
+use physics::family::{Bond, Configuration, Family, Place, Reference, Undeformed};
 use physics::lanes::{Abreast, GroupKernel, Kernel, WIDTH, widest, widest_abreast};
 use physics::material::Material;
 use physics::scalar::{Dual, Jet, ROW, Record, Scalar, VOLUME_WORD, lift};
@@ -61,8 +61,17 @@ pub trait Part<const D: usize>: Send + Sync {
     fn add_force(&self, chunk: usize, c: &Configuration<f64>, force: &mut [f64]);
     /// Whether the part takes the families of a chunk from its lattice.
     fn takes_lattice(&self, chunk: usize) -> bool;
-    /// The same as [`add_force`](Self::add_force) in planes, where all parts take the lattice.
-    fn add_force_on_lattice(&self, chunk: usize, c: &Configuration<f64>, lattice: &LatticePoints<D>, planes: &mut [f64]);
+    /// The same as [`add_force`](Self::add_force) in planes, where all parts take the lattice. Where there is a `watch`, bonds with
+    /// |Y|² − |ξ|² above it times |ξ|² are added to `stretched`, one of the two of a pair at least.
+    fn add_force_on_lattice(
+        &self,
+        chunk: usize,
+        c: &Configuration<f64>,
+        lattice: &LatticePoints<D>,
+        watch: Option<f64>,
+        planes: &mut [f64],
+        stretched: &mut Vec<(u32, u32)>,
+    );
     /// The same with a derivative along a direction.
     fn add_force_dual(&self, chunk: usize, c: &Configuration<Dual>, force: &mut [Dual]);
     /// Energy density of the part's families, into the entries of owned points.
@@ -235,21 +244,18 @@ impl<M: Material<D>, const D: usize> Assigned<M, D> {
     }
 }
 
-/// The same loops with eight points abreast.
-struct OnLattice<'a, M: Material<D>, const D: usize> {
-    part: &'a Assigned<M, D>,
-    chunk: usize,
-    c: &'a Configuration<'a, f64>,
-    lattice: &'a LatticePoints<D>,
-    planes: &'a mut [f64],
-}
-
-impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
+impl<M: Material<D>, const D: usize> Assigned<M, D> {
     /// What families reduce to: shapes and laws are of one point at a time.
     #[inline(always)]
-    fn states<S: Abreast>(&self, groups: [&Group; 2], lanes: u16, moments: &M::Moments<S>) -> M::State<S> {
-        let part = self.part;
-        let (first, place, shapes) = (part.points[self.chunk].0, &part.place[self.chunk], &part.shapes[self.chunk]);
+    fn states_of<S: Abreast>(
+        &self,
+        chunk: usize,
+        c: &Configuration<f64>,
+        groups: [&Group; 2],
+        lanes: u16,
+        moments: &M::Moments<S>,
+    ) -> M::State<S> {
+        let (first, place, shapes) = (self.points[chunk].0, &self.place[chunk], &self.shapes[chunk]);
         let nothing = <M::State<f64> as Record<f64>>::read(
             #[inline(always)]
             |_| 0.0,
@@ -267,7 +273,7 @@ impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
                 0,
             );
             let shape = &shapes[place[i] as usize];
-            states[l] = part.material.state_of(part.constants.at(first + i), shape, &moments, Place::new(self.c, i));
+            states[l] = self.material.state_of(self.constants.at(first + i), shape, &moments, Place::new(c, i));
         }
         <M::State<S> as Record<S>>::read(
             #[inline(always)]
@@ -280,55 +286,104 @@ impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
             0,
         )
     }
+}
 
+/// The same loops with points of a lattice abreast.
+struct OnLattice<'a, M: Material<D>, const D: usize> {
+    part: &'a Assigned<M, D>,
+    chunk: usize,
+    c: &'a Configuration<'a, f64>,
+    lattice: &'a LatticePoints<D>,
+    watch: Option<f64>,
+    planes: &'a mut [f64],
+    stretched: &'a mut Vec<(u32, u32)>,
+}
+
+impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
     #[inline(always)]
     fn run<S: Abreast>(self) {
         let (lattice, material) = (self.lattice, &self.part.material);
         let n = lattice.cells();
         let c = lattice.configuration::<S>();
+        // each pair at one of its ends
+        let once = M::PAIRWISE && self.part.gathers && lattice.once;
+        let bonds = if once { lattice.half() } else { c.lattice.stencil.len() };
+        // of each pair one bond is enough to look at
+        let (limit, watched) = match self.watch {
+            Some(limit) => (limit, if lattice.once { lattice.half() } else { usize::MAX }),
+            None => (0.0, 0),
+        };
         for groups in self.part.groups[self.chunk].chunks(S::GROUPS) {
             // a last group without another stands beside itself, asked for nothing there
             let (a, b) = (groups[0], groups.get(1).copied().unwrap_or((groups[0].0, 0)));
             let lanes = u16::from(a.1) | u16::from(b.1) << WIDTH;
             let [first, second] = [&lattice.groups[a.0 as usize], &lattice.groups[b.0 as usize]];
             let cells = [first.cell as usize, second.cell as usize];
-            let family = Family::<S, D>::abreast(&c, cells, [lattice.masks(a.0), lattice.masks(b.0)], lanes);
+            let masks = [a.0, b.0].map(|g| &lattice.masks(g)[..bonds]);
+            let family = Family::<S, D>::abreast(&c, cells, masks, lanes);
             let near = S::load_cells(c.lattice.volume, cells);
+            let mut own = <Vector<S, D> as Linear<S>>::nothing();
             if M::PAIRWISE && self.part.gathers {
-                let own = S::load_cells(c.lattice.word, cells);
-                let sum: Vector<S, D> = family.integrate(
+                let word = S::load_cells(c.lattice.word, cells);
+                family.each(
                     #[inline(always)]
                     |b| {
-                        let both = own + b.far_word();
+                        let both = word + b.far_word();
                         let state = <M::State<S> as Record<S>>::read(
                             #[inline(always)]
                             |_| both,
                             0,
                         );
-                        material.force(&state, b)
+                        let pair = material.force(&state, b) * (b.volume() * near);
+                        own = own + pair;
+                        if once {
+                            for k in 0..D {
+                                pair.0[k].subtract_from(&mut self.planes[k * n..][..n], b.far_cells());
+                            }
+                        }
+                        if b.slot() < watched {
+                            look(b, limit, [first, second], self.stretched);
+                        }
                     },
                 );
-                for k in 0..D {
-                    (sum.0[k] * near).add_to(&mut self.planes[k * n..][..n], cells);
-                }
-                continue;
+            } else {
+                let state = self.part.states_of(self.chunk, self.c, [first, second], lanes, &material.moments(family));
+                family.each(
+                    #[inline(always)]
+                    |b| {
+                        let pair = material.force(&state, b) * (b.volume() * near);
+                        own = own + pair;
+                        for k in 0..D {
+                            pair.0[k].subtract_from(&mut self.planes[k * n..][..n], b.far_cells());
+                        }
+                        if b.slot() < watched {
+                            look(b, limit, [first, second], self.stretched);
+                        }
+                    },
+                );
             }
-            let state = self.states([first, second], lanes, &material.moments(family));
-            let mut own = <Vector<S, D> as Linear<S>>::nothing();
-            family.each(
-                #[inline(always)]
-                |b| {
-                    let pair = material.force(&state, b) * (b.volume() * near);
-                    own = own + pair;
-                    for k in 0..D {
-                        pair.0[k].subtract_from(&mut self.planes[k * n..][..n], b.far_cells());
-                    }
-                },
-            );
             for k in 0..D {
                 own.0[k].add_to(&mut self.planes[k * n..][..n], cells);
             }
         }
+    }
+}
+
+/// Notes the bonds with |Y|² − |ξ|² above a limit times |ξ|².
+#[inline(always)]
+fn look<S: Abreast, const D: usize>(b: Bond<S, D>, limit: f64, groups: [&Group; 2], found: &mut Vec<(u32, u32)>) {
+    let beyond = (b.growth() - b.length() * b.length() * limit).positive() & b.lanes();
+    if beyond != 0 {
+        note(groups, beyond, b.slot(), found);
+    }
+}
+
+/// Notes the points of lanes.
+#[cold]
+#[inline(never)]
+fn note(groups: [&Group; 2], lanes: u16, bond: usize, found: &mut Vec<(u32, u32)>) {
+    for l in (0..2 * WIDTH).filter(|l| lanes >> l & 1 == 1) {
+        found.push((groups[l / WIDTH].points[l % WIDTH], bond as u32));
     }
 }
 
@@ -498,10 +553,18 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     fn takes_lattice(&self, chunk: usize) -> bool {
         M::ABREAST && !M::RATE && M::BOND_MEMORY == 0 && !self.irregular[chunk]
     }
-    fn add_force_on_lattice(&self, chunk: usize, c: &Configuration<f64>, lattice: &LatticePoints<D>, planes: &mut [f64]) {
+    fn add_force_on_lattice(
+        &self,
+        chunk: usize,
+        c: &Configuration<f64>,
+        lattice: &LatticePoints<D>,
+        watch: Option<f64>,
+        planes: &mut [f64],
+        stretched: &mut Vec<(u32, u32)>,
+    ) {
         // known when the program is compiled
         if M::ABREAST && !M::RATE && M::BOND_MEMORY == 0 {
-            widest_abreast(OnLattice { part: self, chunk, c, lattice, planes });
+            widest_abreast(OnLattice { part: self, chunk, c, lattice, watch, planes, stretched });
         }
     }
     fn add_force_dual(&self, chunk: usize, c: &Configuration<Dual>, force: &mut [Dual]) {

@@ -97,6 +97,8 @@ pub struct Structure<const D: usize> {
     driven: Vec<u32>,
     driving: Vec<f64>,
     external: Vec<f64>,
+    /// Whether the last force evaluation, at the state that is accepted next, looked for stretched bonds.
+    watched: bool,
     /// Damage counters of the whole run.
     pub broken: Broken,
     /// Energy that the bonds that broke held when they did.
@@ -193,6 +195,7 @@ impl<const D: usize> Structure<D> {
             driving: vec![0.0; driven.len()],
             external: vec![0.0; n * D],
             driven,
+            watched: false,
             broken: Broken::default(),
             broken_energy: 0.0,
             evaluations: (0, 0),
@@ -250,8 +253,18 @@ impl<const D: usize> Structure<D> {
 
     /// Internal, external and contact forces \[N\] at free and fixed dofs alike.
     pub fn total_force(&mut self, t: f64, u: &[f64], v: Option<&[f64]>, f: &mut [f64]) -> f64 {
+        self.total_force_watching(t, u, v, false, f)
+    }
+
+    /// The same; bonds that come near a critical stretch are looked for in passing where the step will ask for them.
+    fn total_force_watching(&mut self, t: f64, u: &[f64], v: Option<&[f64]>, watch: bool, f: &mut [f64]) -> f64 {
         self.at_time(t);
-        self.body.internal_force(u, v, f);
+        let critical = match self.failure.as_slice() {
+            [Failure { criterion: Criterion::CriticalStretch(critical), .. }] if watch => Some(critical.as_slice()),
+            _ => None,
+        };
+        self.watched = critical.is_some();
+        self.body.internal_force_watching(u, v, critical, f);
         self.evaluations.0 += 1;
         let (driven, external) = (&self.driven, &mut self.external);
         driven.iter().for_each(|&q| external[q as usize] = 0.0);
@@ -395,9 +408,14 @@ impl<const D: usize> Structure<D> {
         let mut total = Broken::default();
         let mut found = vec![];
         let mut least = f64::INFINITY;
+        // in an explicit step the force was evaluated here just before
+        let watched = std::mem::take(&mut self.watched);
         for failure in &self.failure {
             least = least.min(failure.batch);
-            found.extend(self.body.exceeding(u, v, &failure.criterion));
+            found.extend(match &failure.criterion {
+                Criterion::CriticalStretch(critical) if watched => self.body.exceeding_at_force(critical),
+                criterion => self.body.exceeding(u, v, criterion),
+            });
         }
         if found.is_empty() {
             return total;
@@ -516,7 +534,7 @@ impl<const D: usize> Dynamics for Structure<D> {
         &self.fixed
     }
     fn force(&mut self, t: f64, u: &[f64], v: &[f64], f: &mut [f64]) -> Result<(), Stop> {
-        self.total_force(t, u, Some(v), f);
+        self.total_force_watching(t, u, Some(v), true, f);
         self.check(t, u, f)?;
         self.add_work(u, f);
         Ok(())

@@ -150,12 +150,21 @@ fn worst<const D: usize>(case: &Case<D>, parts: Parts<D>) -> f64 {
             }
             2 => {
                 let threshold = vec![0.012; position.len()];
+                let by_stretch = Criterion::CriticalStretch(threshold.clone());
+                let mut found = vec![];
                 for body in [&mut abreast, &mut lists] {
-                    let found = body.exceeding(&u, None, &Criterion::CriticalStretch(threshold.clone()));
-                    let some: Vec<_> = found.iter().filter(|b| b.1 > 1.5).map(|b| b.0).collect();
-                    assert!(!some.is_empty());
-                    body.break_bonds(some);
+                    found.push(body.exceeding(&u, None, &by_stretch));
+                    // in passing, while forces are evaluated
+                    body.internal_force_watching(&u, None, Some(&threshold), &mut f);
+                    found.push(body.exceeding_at_force(&threshold));
                 }
+                for other in &found[1..] {
+                    assert!(found[0].iter().map(|b| b.0).eq(other.iter().map(|b| b.0)));
+                }
+                let some: Vec<_> = found[0].iter().filter(|b| b.1 > 1.5).map(|b| b.0).collect();
+                assert!(!some.is_empty() && some.len() < found[0].len());
+                abreast.break_bonds(some.clone());
+                lists.break_bonds(some);
                 assert_eq!(abreast.intact_bonds(), lists.intact_bonds());
             }
             3 => {

@@ -165,15 +165,15 @@ impl<'a, S: Scalar, const D: usize> Family<'a, S, D> {
         Family { arrays, point, cells: [0; 2], masks: [&[]; 2], lanes: 0, near: [S::of(0.0); 3] }
     }
     /// The families of the points `lanes` (one bit each) in the groups of eight cells that begin with `cells`. `masks` have a byte for each
-    /// bond of the stencil: a bit for each point of the group that has it.
+    /// bond of the stencil: a bit for each point of the group that has it. Where they are shorter than the stencil, the families consist of
+    /// its first bonds.
     #[inline(always)]
     pub fn abreast(arrays: &'a Configuration<'a, S::Sum>, cells: Cells, masks: [&'a [u8]; 2], lanes: u16) -> Self {
         let near = crate::scalar::array(
             #[inline(always)]
             |k| if k < D { S::load_cells(arrays.lattice.displacement[k], cells) } else { S::of(0.0) },
         );
-        let bonds = arrays.lattice.stencil.len();
-        Family { arrays, point: 0, cells, masks: [&masks[0][..bonds], &masks[1][..bonds]], lanes, near }
+        Family { arrays, point: 0, cells, masks, lanes, near }
     }
     /// Calls `f` for every intact bond (lanes: for every block, broken bonds included, whose `volume` is zero).
     #[inline(always)]
