@@ -172,7 +172,7 @@ fn time_force(b: &mut Block) -> f64 {
 
 /// Seconds of one explicit step, the mean of a few, with an observer that looks at every one; from the state where the last timing ended.
 fn time_step(b: &mut Block) -> f64 {
-    let solver = VelocityVerlet { time_step: STEP, end: STEPS as f64 * STEP, observe_every: 1 };
+    let solver = VelocityVerlet { time_step: STEP, end: STEPS as f64 * STEP, observe_every: 1, following: None };
     let mut motion = Motion::at_rest(b.u.len(), 0.0);
     motion.u.copy_from_slice(&b.u);
     motion.v.copy_from_slice(&b.v);
