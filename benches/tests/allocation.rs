@@ -46,7 +46,7 @@ fn hot_loops_do_not_allocate() {
             let mut motion = Motion::at_rest(b.u.len(), 0.0);
             motion.v.copy_from_slice(&b.v);
             let mut counter = Counter { warm: 0, calls: 0 };
-            let solver = VelocityVerlet { time_step: STEP, end: 12.0 * STEP, observe_every: 1 };
+            let solver = VelocityVerlet { time_step: STEP, end: 12.0 * STEP, observe_every: 1, following: None };
             solver.run(&mut *b.model, &mut motion, &mut counter, None).unwrap();
             let calls = counter.calls;
             println!("{} D {}: {force} in a force evaluation, {calls} in ten steps", model.dimension, model.name);
