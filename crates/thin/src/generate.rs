@@ -111,7 +111,8 @@ pub fn graded_panel(x: &[f64], y: &[f64]) -> Result<Surface, ThinError> {
 /// [`ThinError`] for odd or too few cells, and a split not inside.
 pub fn two_resolution_panel(size: [f64; 2], cells: [usize; 2], split: f64) -> Result<Surface, ThinError> {
     cells_needed("panel", cells[0].min(cells[1]), 8)?;
-    if cells[0] % 2 != 0 || cells[1] % 2 != 0 || !(split > 0.0 && split < 1.0) {
+    let even = cells.iter().all(|c| c.is_multiple_of(2));
+    if !(even && split > 0.0 && split < 1.0) {
         return Err(ThinError::Unsupported {
             what: "a panel of two resolutions with an odd number of cells, or a split outside of it",
             remedy: "give even numbers of cells and a split between 0 and 1",

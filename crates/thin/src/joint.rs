@@ -12,6 +12,7 @@ use crate::body::Thin;
 use crate::extension::Extension;
 use crate::frame::{Bend, Frames, bent, norm, sub};
 use crate::layout::Layout;
+use crate::stencil::Stencil;
 
 /// A pair across a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -156,7 +157,7 @@ impl<const D: usize> Thin<D> {
         whole.joints = (!joints.pairs.is_empty()).then_some(joints);
         whole.dependent = dependent;
         // ties made before the bodies were joined
-        let before: Vec<(u32, Vec<(u32, [f64; D])>)> = {
+        let before: Vec<(u32, Stencil<D>)> = {
             let mut first = 0u32;
             let mut list = vec![];
             for b in &bodies {
@@ -198,7 +199,7 @@ impl<const D: usize> Thin<D> {
                 return bad(*p, "follows a point that follows others itself");
             }
         }
-        let replaced: Vec<(u32, Vec<(u32, [f64; D])>)> =
+        let replaced: Vec<(u32, Stencil<D>)> =
             ties.iter().map(|(p, list)| (*p, list.iter().map(|(q, w)| (*q, [*w; D])).collect())).collect();
         self.ends.replace(&replaced);
         self.forget();

@@ -4,6 +4,9 @@
 //! with weight one; the image of a point behind a mirror plane has weights ±1, and where it is turned about an edge point, 2 and −1;
 //! a virtual point would have the weights of its interpolation. Forces on ends go back with the same weights.
 
+/// Points and their weights, one per component.
+pub type Stencil<const D: usize> = Vec<(u32, [f64; D])>;
+
 /// The ends of the bonds of a body. The first are its real points, in their order; further ones are added.
 #[derive(Clone, Debug)]
 pub struct Ends<const D: usize> {
@@ -101,7 +104,7 @@ impl<const D: usize> Ends<D> {
     }
 
     /// Replaces points by stencils on others, everywhere: they then move as these do.
-    pub fn replace(&mut self, stencils: &[(u32, Vec<(u32, [f64; D])>)]) {
+    pub fn replace(&mut self, stencils: &[(u32, Stencil<D>)]) {
         if stencils.is_empty() {
             return;
         }

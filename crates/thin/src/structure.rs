@@ -94,7 +94,7 @@ impl<const D: usize> ThinStructure<D> {
         }
         let (mut fixed, mut prescribed) = (vec![false; n * D], vec![]);
         // points that follow others have no dofs; what is held of one that follows a single point is held of that
-        let follows: Vec<Option<Vec<(u32, [f64; D])>>> = (0..n as u32)
+        let follows: Vec<Option<crate::stencil::Stencil<D>>> = (0..n as u32)
             .map(|p| body.dependent().get(p as usize).copied().unwrap_or(false).then(|| body.ends().stencil(p).to_vec()))
             .collect();
         for p in (0..n).filter(|&p| follows[p].is_some()) {

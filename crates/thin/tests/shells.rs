@@ -250,6 +250,11 @@ fn pinched_ring(n: usize, ratio: f64, slenderness: f64, turn: Turn) -> f64 {
     let shell = Shell { turn, ..Shell::new(Horizon::Ratio(ratio), &[1.0], &axial, 0.3) };
     let (body, report): (Thin<2>, Report) = shell.build(&surface, &[even(0, 0.0), even(1, 0.0)]).unwrap();
     println!("{:?}", report.warnings());
+    // δ²/(R t), R = 1
+    let delta = ratio * 2.0 * PI / n as f64;
+    let (locking, _) = report.locking.unwrap();
+    assert!((locking / (delta * delta * slenderness) - 1.0).abs() < 0.01);
+    assert_eq!(report.warnings().is_empty(), locking <= 0.5);
     let top = surface.set("end")[0];
     let conditions = vec![
         Condition::hold("side", surface.set("start").to_vec(), &[1]),
@@ -692,6 +697,22 @@ fn cracks() {
     assert!(energy < 1e-25);
     assert!(body.health().iter().any(|h| *h < 1.0));
     contract("cut cylinder", &mut body, 0.005, true);
+}
+
+#[test]
+fn same_for_any_number_of_threads() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let surface = jittered(generate::cylinder(1.0, 2.0, [0.0, 3.0], [60, 40]).unwrap(), 0.2, &ROUND);
+            let (mut body, _): (Thin<3>, Report) = stiff(2.1, &[1e-3], &[1.0]).build(&surface, &[]).unwrap();
+            let u = wiggle(3 * body.points(), 1e-3);
+            let mut f = vec![0.0; u.len()];
+            body.force(&u, &mut f);
+            (body.energy(&u), f)
+        })
+    };
+    assert!(run(1) == run(3));
 }
 
 #[test]
