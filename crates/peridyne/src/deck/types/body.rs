@@ -93,7 +93,7 @@ choice! {
     pub enum SurfaceShape as "a shape of a surface" {
         /// A flat rectangle in the plane of x and y.
         Panel(PanelShape) = "panel",
-        /// A flat rectangle whose points are twice as close beyond a line.
+        /// A flat rectangle whose points are twice as close up to a line.
         TwoResolutions(TwoResolutionsShape) = "two_resolutions",
         /// A cylinder about the z axis, from z = 0; a panel of one where the angles are not a whole turn.
         Cylinder(CylinderShape) = "cylinder",
@@ -123,9 +123,9 @@ section! {
     pub struct TwoResolutionsShape as "a panel of two resolutions" {
         /// Lengths along x and y.
         size: [Quantity<Length>; 2],
-        /// Coarse cells along x and y.
+        /// Cells along x and y as if all were fine.
         cells: [Count; 2],
-        /// Part of the length along x beyond which points are twice as close.
+        /// Part of the length along x up to which points are that close; beyond they are twice as far apart.
         split: Quantity<Number> where FRACTION,
     }
 }
