@@ -605,8 +605,7 @@ impl<const D: usize> Body<D> {
         (c, i)
     }
 
-    /// The diagonal D×D blocks of the stiffness at `u`, row-major, `D²` words a point. Where a family meets both a point and its image, the
-    /// coupling of the two is left out.
+    /// The diagonal D×D blocks of the stiffness at `u`, row-major, `D²` words a point.
     pub fn block_diagonal(&mut self, u: &[f64], out: &mut [f64]) {
         /// Families computed before they are added up.
         const WAVE: usize = 4096;
@@ -636,14 +635,9 @@ impl<const D: usize> Body<D> {
             for p in wave {
                 let (q, c) = (first(p), body.chunk_of(p));
                 let blocks = &kept[&q];
-                let i = p - c.first;
-                c.ordered_slots(i, &mut scratch.slots, &mut scratch.keys);
-                let ends = scratch.slots.iter().filter(|&&s| c.is_intact(s as usize)).map(|&s| c.neighbor[s as usize] as usize);
-                for (l, block) in std::iter::once(i).chain(ends).zip(blocks.chunks(D * D)) {
-                    let (j, flips) = (c.points[l] as usize, c.flips[l]);
-                    for (q, (o, x)) in out[j * D * D..][..D * D].iter_mut().zip(block).enumerate() {
-                        *o += if (flips >> (q / D) ^ flips >> (q % D)) & 1 == 1 { -x } else { *x };
-                    }
+                c.members(p - c.first, &mut scratch);
+                for (&j, block) in scratch.members.iter().zip(blocks.chunks(D * D)) {
+                    out[j as usize * D * D..][..D * D].iter_mut().zip(block).for_each(|(o, x)| *o += x);
                 }
                 uses[q] -= 1;
                 if uses[q] == 0 {
@@ -653,12 +647,24 @@ impl<const D: usize> Body<D> {
         }
     }
 
-    /// Diagonal blocks of the stiffness of a family: of its own point, then of the far points of its intact bonds in the order of `ordered_slots`.
+    /// Diagonal blocks of the stiffness of a family, of the points that [`couplings`](Self::couplings) lists for it.
     fn family_diagonal(&self, scratch: &mut StiffnessScratch<D>, point: usize, out: &mut Vec<f64>) {
         let (c, i) = self.bond_stiffness(scratch, point);
+        let n = c.slots(i).len();
+        let whole = c.slots(i).all(|s| c.is_intact(s)) && !c.meets_images(i);
+        if !whole {
+            // bonds that are missing, and points that are met twice: by way of the points
+            c.members(i, &mut scratch.list);
+            let m = scratch.list.members.len() * D;
+            scratch.dense.resize(m * m, 0.0);
+            c.expand(i, &scratch.bonds, &mut scratch.list, &mut scratch.sums, &mut scratch.dense);
+            out.clear();
+            for b in 0..m / D {
+                (0..D).for_each(|k| out.extend(&scratch.dense[(b * D + k) * m + b * D..][..D]));
+            }
+            return;
+        }
         c.ordered_slots(i, &mut scratch.list.slots, &mut scratch.list.keys);
-        let intact = |s: usize| c.is_intact(s);
-        let n = c.slots(i).filter(|&s| intact(s)).count();
         let (m, h) = (n * D, &scratch.bonds);
         out.clear();
         out.resize((n + 1) * D * D, 0.0);
@@ -672,13 +678,8 @@ impl<const D: usize> Body<D> {
         }
         // rows are in the order of the slots
         let first = c.slots(i).start;
-        scratch.rank.clear();
-        scratch.rank.extend(c.slots(i).scan(0, |n, s| {
-            *n += u32::from(intact(s));
-            Some(*n - u32::from(intact(s)))
-        }));
-        let ordered = scratch.list.slots.iter().filter(|&&s| intact(s as usize)).map(|&s| scratch.rank[s as usize - first] as usize);
-        for (b, block) in ordered.zip(far.chunks_exact_mut(D * D)) {
+        for (&s, block) in scratch.list.slots.iter().zip(far.chunks_exact_mut(D * D)) {
+            let b = s as usize - first;
             for k in 0..D {
                 block[k * D..(k + 1) * D].copy_from_slice(&h[(b * D + k) * m + b * D..][..D]);
             }
@@ -693,8 +694,8 @@ pub struct StiffnessScratch<const D: usize> {
     jets: Vec<Jet<SEEDS>>,
     bonds: Vec<f64>,
     list: MemberScratch<D>,
-    rank: Vec<u32>,
     sums: Vec<f64>,
+    dense: Vec<f64>,
 }
 
 /// The distinct points that a family couples.

@@ -96,6 +96,8 @@ struct Linear {
     refused: Option<Arc<BlockPattern>>,
     /// The factor in hand is that of the reference configuration (linear mode).
     reference_factor: bool,
+    /// So is the matrix that was assembled for products.
+    reference_matrix: bool,
     shift: f64,
     conjugate_gradients: ConjugateGradients,
     gmres: Gmres,
@@ -123,6 +125,7 @@ impl Newton {
             matrix: None,
             refused: None,
             reference_factor: false,
+            reference_matrix: false,
             shift: 0.0,
             conjugate_gradients: ConjugateGradients::default(),
             gmres: Gmres::new(match options.solver {
@@ -387,7 +390,7 @@ impl Equilibrium for Newton {
     }
 
     fn force_law_changed(&mut self) {
-        self.linear.reference_factor = false;
+        (self.linear.reference_factor, self.linear.reference_matrix) = (false, false);
     }
 }
 
@@ -413,9 +416,9 @@ impl Linear {
         match self.options.solver {
             LinearSolver::Automatic | LinearSolver::Direct => match self.prepare_direct(problem)? {
                 true => self.solve_direct(problem, t, u, b, x, reference),
-                false => self.solve_iteratively(problem, t, u, b, x, options),
+                false => self.solve_iteratively(problem, t, u, b, x, options, reference),
             },
-            _ => self.solve_iteratively(problem, t, u, b, x, options),
+            _ => self.solve_iteratively(problem, t, u, b, x, options, reference),
         }
     }
 
@@ -466,7 +469,7 @@ impl Linear {
         if reference && self.reference_factor {
             return Ok(solved(cholesky.solve(b, x)?, &mut self.error));
         }
-        self.reference_factor = false;
+        (self.reference_factor, self.reference_matrix) = (false, false);
         matrix.clear();
         problem.tangent(t, u, matrix)?;
         self.diagonal.resize(u.len(), 0.0);
@@ -516,7 +519,7 @@ impl Linear {
     }
 
     /// Assembles the stiffness for an iterative solution, where it is small: in the plane and on a line. `false` elsewhere.
-    fn assemble_for_products(&mut self, problem: &mut dyn Statics, t: f64, u: &[f64]) -> Result<bool, EquilibriumError> {
+    fn assemble_for_products(&mut self, problem: &mut dyn Statics, t: f64, u: &[f64], reference: bool) -> Result<bool, EquilibriumError> {
         /// Largest matrix, in bytes.
         const LARGEST: usize = 1 << 30;
         let d = problem.dofs_per_point();
@@ -529,10 +532,15 @@ impl Linear {
         };
         if self.matrix.as_ref().is_none_or(|m| !Arc::ptr_eq(m.pattern(), &pattern)) {
             self.matrix = Some(BlockMatrix::new(pattern));
+            self.reference_matrix = false;
         }
-        let matrix = self.matrix.as_mut().expect("made above");
-        matrix.clear();
-        problem.tangent(t, u, matrix)?;
+        if !(reference && self.reference_matrix) {
+            self.reference_matrix = false;
+            let matrix = self.matrix.as_mut().expect("made above");
+            matrix.clear();
+            problem.tangent(t, u, matrix)?;
+            self.reference_matrix = reference;
+        }
         Ok(true)
     }
 
@@ -544,11 +552,12 @@ impl Linear {
         b: &[f64],
         x: &mut [f64],
         options: KrylovOptions,
+        reference: bool,
     ) -> Result<f64, EquilibriumError> {
         let d = problem.dofs_per_point();
         let fixed = problem.fixed().to_vec();
         self.blocks.resize(u.len() * d, 0.0);
-        let assembled = self.assemble_for_products(problem, t, u)?;
+        let assembled = self.assemble_for_products(problem, t, u, reference)?;
         match &self.matrix {
             Some(matrix) if assembled => matrix.diagonal_blocks(&mut self.blocks),
             _ => problem.block_diagonal(t, u, &mut self.blocks)?,

@@ -124,15 +124,19 @@ pub struct BlockPattern {
     block: usize,
     starts: Vec<usize>,
     rows: Vec<u32>,
-    by_rows: OnceLock<ByRows>,
+    ranges: OnceLock<Vec<ColumnRange>>,
 }
 
-/// The strictly lower blocks ordered by rows: (column, slot).
+/// Columns that a product handles together.
 #[derive(Debug)]
-struct ByRows {
-    starts: Vec<usize>,
-    entries: Vec<(u32, u32)>,
+struct ColumnRange {
+    columns: std::ops::Range<usize>,
+    /// One more than the last row of these columns.
+    last_row: usize,
 }
+
+/// Largest block: dofs of a point.
+const LARGEST_BLOCK: usize = 16;
 
 impl BlockPattern {
     /// A pattern from the block rows of each block column: column `c` is `rows[starts[c]..starts[c + 1]]`, strictly ascending. Rows
@@ -231,10 +235,11 @@ impl BlockPattern {
     }
 
     fn checked(block: usize, starts: Vec<usize>, rows: Vec<u32>) -> Result<Self, SparseError> {
+        assert!((1..=LARGEST_BLOCK).contains(&block), "blocks of {block} rows");
         if rows.len().saturating_mul(block * block) > u32::MAX as usize {
             return Err(SparseError::TooLarge { blocks: rows.len() });
         }
-        Ok(Self { block, starts, rows, by_rows: OnceLock::new() })
+        Ok(Self { block, starts, rows, ranges: OnceLock::new() })
     }
 
     /// Size `D` of the blocks.
@@ -272,28 +277,21 @@ impl BlockPattern {
         self.column(column).binary_search(&(row as u32)).ok().map(|k| self.starts[column] + k)
     }
 
-    fn by_rows(&self) -> &ByRows {
-        self.by_rows.get_or_init(|| {
-            let points = self.points();
-            let mut starts = vec![0usize; points + 1];
-            for column in 0..points {
-                for &row in &self.column(column)[1..] {
-                    starts[row as usize + 1] += 1;
-                }
-            }
-            for p in 0..points {
-                starts[p + 1] += starts[p];
-            }
-            let mut next = starts.clone();
-            let mut entries = vec![(0, 0); starts[points]];
-            for column in 0..points {
-                for slot in self.starts[column] + 1..self.starts[column + 1] {
-                    let row = self.rows[slot] as usize;
-                    entries[next[row]] = (column as u32, slot as u32);
-                    next[row] += 1;
-                }
-            }
-            ByRows { starts, entries }
+    /// Ranges of columns with about as many blocks each.
+    fn ranges(&self) -> &[ColumnRange] {
+        /// More than threads, so that they end together; few, because each needs rows of its own.
+        const RANGES: usize = 16;
+        self.ranges.get_or_init(|| {
+            let (points, blocks) = (self.points(), self.blocks());
+            let bound = |k: usize| if k == RANGES { points } else { self.starts.partition_point(|&s| s < blocks * k / RANGES).min(points) };
+            (0..RANGES)
+                .map(|k| bound(k)..bound(k + 1))
+                .filter(|columns| !columns.is_empty())
+                .map(|columns| {
+                    let last = columns.clone().filter_map(|c| self.column(c).last()).max();
+                    ColumnRange { last_row: last.map_or(columns.end, |&row| row as usize + 1), columns }
+                })
+                .collect()
         })
     }
 }
@@ -501,57 +499,61 @@ impl BlockMatrix {
     pub fn product(&self, x: &[f64], y: &mut [f64]) {
         assert!(x.len() == self.pattern.dofs() && y.len() == x.len());
         match self.pattern.block {
-            1 => self.product_by::<1>(x, y),
-            2 => self.product_by::<2>(x, y),
-            3 => self.product_by::<3>(x, y),
-            _ => self.product_any(x, y),
+            1 => self.product_in(1, x, y),
+            2 => self.product_in(2, x, y),
+            3 => self.product_in(3, x, y),
+            d => self.product_in(d, x, y),
         }
     }
 
-    fn product_by<const D: usize>(&self, x: &[f64], y: &mut [f64]) {
-        let by_rows = self.pattern.by_rows();
-        let (x, values) = (x.as_chunks::<D>().0, &self.values[..]);
-        y.as_chunks_mut::<D>().0.par_iter_mut().with_min_len(64).enumerate().for_each(|(p, y)| {
-            let mut sum = [0.0; D];
-            for &(column, slot) in &by_rows.entries[by_rows.starts[p]..by_rows.starts[p + 1]] {
-                let block = values[slot as usize * D * D..][..D * D].as_chunks::<D>().0;
-                let x = &x[column as usize];
-                for j in 0..D {
-                    for i in 0..D {
-                        sum[i] += block[j][i] * x[j];
+    /// Every block is read once, in order, and serves both triangles: fixed ranges of columns add into rows of their own, which are then summed in
+    /// the order of the ranges. Inlined with `d` known.
+    #[inline(always)]
+    fn product_in(&self, d: usize, x: &[f64], y: &mut [f64]) {
+        let (pattern, values) = (&*self.pattern, &self.values[..]);
+        let parts: Vec<Vec<f64>> = pattern
+            .ranges()
+            .par_iter()
+            .map(|range| {
+                let first = range.columns.start;
+                let mut sums = vec![0.0; (range.last_row - first) * d];
+                for column in range.columns.clone() {
+                    let (own, slot) = (&x[column * d..][..d], pattern.starts[column]);
+                    // the diagonal block is whole
+                    let mut sum = [0.0; LARGEST_BLOCK];
+                    let block = &values[slot * d * d..][..d * d];
+                    for j in 0..d {
+                        for i in 0..d {
+                            sum[i] += block[j * d + i] * own[j];
+                        }
+                    }
+                    let below = slot + 1..pattern.starts[column + 1];
+                    for (&row, block) in pattern.rows[below.clone()].iter().zip(values[below.start * d * d..].chunks_exact(d * d)) {
+                        let far = &x[row as usize * d..][..d];
+                        let out = &mut sums[(row as usize - first) * d..][..d];
+                        for j in 0..d {
+                            for i in 0..d {
+                                out[i] += block[j * d + i] * own[j];
+                                sum[j] += block[j * d + i] * far[i];
+                            }
+                        }
+                    }
+                    for (out, sum) in sums[(column - first) * d..][..d].iter_mut().zip(sum) {
+                        *out += sum;
                     }
                 }
-            }
-            for slot in self.pattern.starts[p]..self.pattern.starts[p + 1] {
-                let block = values[slot * D * D..][..D * D].as_chunks::<D>().0;
-                let x = &x[self.pattern.rows[slot] as usize];
-                for j in 0..D {
-                    for i in 0..D {
-                        sum[j] += block[j][i] * x[i];
-                    }
-                }
-            }
-            *y = sum;
-        });
-    }
-
-    fn product_any(&self, x: &[f64], y: &mut [f64]) {
-        let by_rows = self.pattern.by_rows();
-        let d = self.pattern.block;
-        y.par_chunks_mut(d).with_min_len(64).enumerate().for_each(|(p, y)| {
+                sums
+            })
+            .collect();
+        const POINTS: usize = 1024;
+        y.par_chunks_mut(POINTS * d).enumerate().for_each(|(k, y)| {
             y.fill(0.0);
-            for &(column, slot) in &by_rows.entries[by_rows.starts[p]..by_rows.starts[p + 1]] {
-                for j in 0..d {
-                    for i in 0..d {
-                        y[i] += self.values[(slot as usize * d + j) * d + i] * x[column as usize * d + j];
-                    }
-                }
-            }
-            for slot in self.pattern.starts[p]..self.pattern.starts[p + 1] {
-                for j in 0..d {
-                    for i in 0..d {
-                        y[j] += self.values[(slot * d + j) * d + i] * x[self.pattern.rows[slot] as usize * d + i];
-                    }
+            let (low, high) = (k * POINTS, k * POINTS + y.len() / d);
+            for (range, sums) in pattern.ranges().iter().zip(&parts) {
+                let (from, to) = (low.max(range.columns.start), high.min(range.last_row));
+                if from < to {
+                    let sums = &sums[(from - range.columns.start) * d..(to - range.columns.start) * d];
+                    y[(from - low) * d..(to - low) * d].iter_mut().zip(sums).for_each(|(y, s)| *y += s);
                 }
             }
         });
