@@ -139,7 +139,8 @@ impl<const D: usize> Body<D> {
         if a.len() != b.len() || !a.iter().zip(b.iter()).all(|pair| near(&pair)) {
             return false;
         }
-        (ta.clear(), tb.clear());
+        ta.clear();
+        tb.clear();
         c.traits(i, a, |x| ta.push(x));
         d.traits(j, b, |x| tb.push(x));
         // influence and volumes are functions of ξ that vary over a spacing, of which a horizon has few

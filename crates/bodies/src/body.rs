@@ -713,7 +713,8 @@ impl<const D: usize> Chunk<D> {
     fn members(&self, i: usize, out: &mut MemberScratch<D>) {
         let MemberScratch { slots, keys, members, place } = out;
         self.ordered_slots(i, slots, keys);
-        (members.clear(), place.clear());
+        members.clear();
+        place.clear();
         let own = self.points[i];
         members.push(own);
         let end = |s: &u32| self.points[self.neighbor[*s as usize] as usize];

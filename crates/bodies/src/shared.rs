@@ -67,11 +67,14 @@ const SAME: f64 = 1e-12;
 /// Grid on which bonds are put in order, as a fraction of the horizon: much wider than round-off, much finer than a spacing.
 const GRID: f64 = 1e-9;
 
+/// Place on the grid, ξ, V′, ω and sub-horizons of a bond.
+type Placed<const D: usize> = ([i64; D], [f64; D], f64, f64, u32);
+
 /// The bonds of a family as far as shapes depend on them.
 struct Bonds<const D: usize> {
     horizon: f64,
-    /// Place on the grid, ξ, V′, ω and sub-horizons of each, in the order of the places.
-    bonds: Vec<([i64; D], [f64; D], f64, f64, u32)>,
+    /// In the order of the places.
+    bonds: Vec<Placed<D>>,
 }
 
 impl<const D: usize> Bonds<D> {

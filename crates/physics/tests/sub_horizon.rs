@@ -171,13 +171,10 @@ fn spread_directions_against_k_means() {
                 (used.len() >= 3).then_some((used.len(), worst))
             });
             for k in 0..2 {
-                match (found[k], found[1 - k]) {
-                    (Some((n, worst)), other) => {
-                        count[k] += n;
-                        shape[k] += worst.ln();
-                        alone[k] += usize::from(other.is_none());
-                    }
-                    (None, _) => {}
+                if let Some((n, worst)) = found[k] {
+                    count[k] += n;
+                    shape[k] += worst.ln();
+                    alone[k] += usize::from(found[1 - k].is_none());
                 }
             }
         }

@@ -422,7 +422,9 @@ impl BlockMatrix {
             for &k in &computed {
                 place[k] = NONE;
             }
-            (computed.clear(), offsets.clear(), incidences.clear());
+            computed.clear();
+            offsets.clear();
+            incidences.clear();
             let (mut last, mut total) = (first, 0);
             while last < families.len() && last - first < FAMILIES {
                 let own = families.first_alike(last);

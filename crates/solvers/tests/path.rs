@@ -34,7 +34,10 @@ fn limit(h: f64) -> f64 {
     symmetric_load(h, h - y)
 }
 
-fn follow(arc: &ArcLength, truss: &mut Truss<2>, u: &mut [f64]) -> (Result<solvers::arc_length::Path, PathError>, Vec<(f64, f64, usize)>) {
+/// Load, displacement and unstable modes of each step.
+type Seen = Vec<(f64, f64, usize)>;
+
+fn follow(arc: &ArcLength, truss: &mut Truss<2>, u: &mut [f64]) -> (Result<solvers::arc_length::Path, PathError>, Seen) {
     let mut seen = vec![];
     let mut observer = |report: &StepReport, _: &mut Truss<2>, u: &[f64], _: &[f64]| {
         seen.push((report.time, u[3], report.unstable_modes.unwrap()));

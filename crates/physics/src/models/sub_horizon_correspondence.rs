@@ -105,12 +105,7 @@ impl<L, I: Influence, const N: usize> SubHorizonCorrespondence<L, I, N> {
     }
     /// `∫ ω η ⊗ ξ dV′`, and with the rate of η.
     #[inline(always)]
-    fn integrals<S: Scalar, const D: usize>(
-        &self,
-        rate: bool,
-        whole: bool,
-        h: Family<S, D>,
-    ) -> ([Matrix<S::Sum, D>; N], [Matrix<S::Sum, D>; N]) {
+    fn integrals<S: Scalar, const D: usize>(&self, rate: bool, whole: bool, h: Family<S, D>) -> Integrals<S::Sum, D, N> {
         let gradients = self.sums(
             whole,
             h,
@@ -131,12 +126,15 @@ impl<L, I: Influence, const N: usize> SubHorizonCorrespondence<L, I, N> {
     }
 }
 
+/// `∫ ω η ⊗ ξ dV′` over every sub-horizon, and with the rate of η.
+type Integrals<R, const D: usize, const N: usize> = ([Matrix<R, D>; N], [Matrix<R, D>; N]);
+
 /// What the law sees in every sub-horizon.
 #[inline(always)]
 fn deformations<'a, R: Scalar, const D: usize, const N: usize>(
     words: usize,
     shape: &SubHorizonShape<D, N>,
-    (gradients, rates): &([Matrix<R, D>; N], [Matrix<R, D>; N]),
+    (gradients, rates): &Integrals<R, D, N>,
     place: Place<'a>,
 ) -> [Deformation<'a, R, D>; N] {
     let history = place.history(N * words);
@@ -165,7 +163,7 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
     type Constants = L::Constants;
     type Shape = SubHorizonShape<D, N>;
     /// ∫ ω η ⊗ ξ dV′ over every sub-horizon, and with the rate of η
-    type Moments<R: Scalar> = ([Matrix<R, D>; N], [Matrix<R, D>; N]);
+    type Moments<R: Scalar> = Integrals<R, D, N>;
     /// 1 where the whole family serves, and P_α K_α⁻¹/N
     type State<R: Scalar> = (R, [Matrix<R, D>; N]);
 
