@@ -281,27 +281,25 @@ impl<const D: usize> Body<D> {
             }
             c.force = rows;
         });
-        let planes: Vec<Option<&LatticePoints<D>>> =
-            self.chunks.iter().enumerate().map(|(k, c)| c.lattice.as_ref().filter(|_| on_lattice(parts, k, c))).collect();
-        force.par_chunks_mut(self.chunk_points * D).zip(&self.chunks).zip(&planes).zip(&self.inflow).for_each(
-            |(((out, chunk), lattice), inflow)| {
-                match lattice {
-                    Some(lattice) => lattice.own_force(chunk.owned, out),
-                    None => {
-                        for (f, row) in out.chunks_exact_mut(D).zip(chunk.force.chunks_exact(ROW)) {
-                            f.copy_from_slice(&row[..D]);
-                        }
+        let chunks = &self.chunks;
+        let planes = |k: usize| chunks[k].lattice.as_ref().filter(|_| on_lattice(parts, k, &chunks[k]));
+        force.par_chunks_mut(self.chunk_points * D).zip(chunks).zip(&self.inflow).enumerate().for_each(|(k, ((out, chunk), inflow))| {
+            match planes(k) {
+                Some(lattice) => lattice.own_force(chunk.owned, out),
+                None => {
+                    for (f, row) in out.chunks_exact_mut(D).zip(chunk.force.chunks_exact(ROW)) {
+                        f.copy_from_slice(&row[..D]);
                     }
                 }
-                for flow in inflow {
-                    let source = flow.source as usize;
-                    match planes[source] {
-                        Some(lattice) => flow.add::<D>(out, |l, k| lattice.force_on(l, k)),
-                        None => flow.add::<D>(out, |l, k| self.chunks[source].force[l * ROW + k]),
-                    }
+            }
+            for flow in inflow {
+                let source = flow.source as usize;
+                match planes(source) {
+                    Some(lattice) => flow.add::<D>(out, |l, k| lattice.force_on(l, k)),
+                    None => flow.add::<D>(out, |l, k| chunks[source].force[l * ROW + k]),
                 }
-            },
-        );
+            }
+        });
     }
 
     /// `K x` with `K = −∂f/∂u` of the internal forces, exact.
