@@ -51,7 +51,11 @@ pub fn write(cells: &[Cell], folder: &Path, title: &str, suffix: &str) -> Result
     // the origin shows the long-wave limit
     values.iter_mut().filter(|v| v.is_nan()).for_each(|v| *v = 1.0);
     let body = Body { dimension: 2, reference: &reference, displacement: &displacement, edge: &edge };
-    let unstable = values.iter().any(|v| *v < 0.0);
+    // below this it is the round-off of a wave without energy
+    let unstable = values.iter().any(|v| *v < -1e-9);
+    if !unstable {
+        values.iter_mut().for_each(|v| *v = v.max(0.0));
+    }
     let options = Options {
         title: Some(title.to_string()),
         caption: Some("weakest wave over the local solid; axes in π over the spacing".into()),
