@@ -795,6 +795,60 @@ mod tests {
         }
     }
 
+    /// Every operation of points abreast, one group at a time or two.
+    struct EverythingAbreast<'a, const PAIRED: bool>(&'a [f64]);
+    impl<const PAIRED: bool> GroupKernel for EverythingAbreast<'_, PAIRED> {
+        type Output = Vec<f64>;
+        const PAIRED: bool = PAIRED;
+        #[inline(always)]
+        fn run<S: Abreast>(self) -> Vec<f64> {
+            let (mut plane, mut bits) = (self.0.to_vec(), vec![]);
+            // what one group writes the other sees
+            for cells in [[0, 40], [3, 51], [17, 20], [90, 9]] {
+                for cells in cells.chunks(S::GROUPS) {
+                    let cells = [cells[0], cells.get(1).copied().unwrap_or(0)];
+                    let x = S::load_cells(self.0, cells);
+                    let y = S::load_cells(self.0, cells.map(|c| c + 5));
+                    let r = (x * y + S::of(2.0)).abs().sqrt() - (x * x + S::of(1.0)).rsqrt() / (y.abs() + S::of(0.5)).recip();
+                    r.keep(0b0101_1001_0101_1001).subtract_from(&mut plane, cells);
+                    x.select(y, -r).fma(y, x * 0.5).add_to(&mut plane, cells.map(|c| c + 1));
+                    let twice = S::of_lanes(
+                        #[inline(always)]
+                        |l| 2.0 * r.lane(l),
+                    );
+                    twice.max(y).min(x).subtract_from(&mut plane, cells);
+                    let positive = y.positive();
+                    bits.extend((0..S::GROUPS * WIDTH).map(|l| f64::from(positive >> l & 1)));
+                }
+            }
+            plane.extend(bits);
+            plane
+        }
+    }
+
+    #[test]
+    fn points_abreast_agree_with_the_portable_ones() {
+        let data: Vec<f64> = (0..128).map(|k| ((k * 7919 % 1009) as f64 - 504.0) / 100.0).collect();
+        let one = [widest_abreast(EverythingAbreast::<false>(&data)), portable_abreast(EverythingAbreast::<false>(&data))];
+        let two = [widest_abreast(EverythingAbreast::<true>(&data)), portable_abreast(EverythingAbreast::<true>(&data))];
+        for [a, b] in [&one, &two] {
+            assert_eq!(a.len(), b.len());
+            for (x, y) in a.iter().zip(b) {
+                assert!(x.is_finite() && (x - y).abs() <= 1e-12 * (1.0 + y.abs()), "{x} {y}");
+            }
+        }
+        assert_eq!(one[1][128..], two[1][128..]);
+    }
+
+    #[test]
+    #[should_panic(expected = "out of range")]
+    fn a_group_outside_the_plane_is_caught() {
+        widest_abreast(EverythingAbreast::<true>(&data_of(97)));
+    }
+    fn data_of(n: usize) -> Vec<f64> {
+        (0..n).map(|k| k as f64).collect()
+    }
+
     /// ln, ln(1 + x), eˣ and eˣ − 1 of numbers, in rows.
     struct Functions<'a>(&'a [f64], &'a [u32]);
     impl Kernel for Functions<'_> {
