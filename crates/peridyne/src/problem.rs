@@ -142,6 +142,15 @@ impl Problem {
         } else {
             (found, 0)
         };
+        let largest = (0..cloud.len()).max_by_key(|&p| neighbors.bonds_of(p).len());
+        if let Some(p) = largest.filter(|&p| neighbors.bonds_of(p).len() > bodies::body::MOST_NEIGHBORS) {
+            let (n, most) = (neighbors.bonds_of(p).len(), bodies::body::MOST_NEIGHBORS);
+            issues.push(Issue::new(
+                body.horizon.span,
+                format!("the family of point {} has {n} points, more than the {most} that a family may have", cloud.id[p]),
+                "use a smaller horizon, or a larger spacing",
+            ));
+        }
         let lonely: Vec<u64> = (0..cloud.len()).filter(|&p| neighbors.bonds_of(p).is_empty()).map(|p| cloud.id[p]).collect();
         if !lonely.is_empty() {
             let what = format!("{} points have no neighbour within the horizon, the first is point {}", lonely.len(), lonely[0]);

@@ -80,9 +80,7 @@ pub fn assemble(problem: &Problem) -> Checked<Assembly> {
             }
         }
         ([], []) => Err(vec![]),
-        ([beam, ..], _) => {
-            Err(vec![Issue::new(beam.1.span, "a beam and a plate in one body", "make a body of one kind; stiffeners are parts of a shell")])
-        }
+        ([beam, ..], _) => Err(vec![Issue::new(beam.1.span, "a beam and a plate in one body", "make a body of one kind")]),
     }
 }
 
@@ -366,14 +364,7 @@ fn plate<const D: usize>(problem: &Problem, parts: &[Part<BondMultiplePlate>]) -
         }
         // a given tension needs a membrane stiffness only to share it among bonds: any will do
         let membrane = membrane.or_else(|| p.tension.as_ref().filter(|_| D == 1).map(|_| vec![1.0]));
-        let curvature = match (&p.yield_stress, &p.limit_curvature, solid) {
-            (Some(stress), _, Some((e, h))) => {
-                let strain = combine(&values(stress, problem), e, |s, e| s / e);
-                Some(combine(&strain, h, |s, h| 2.0 * s / h))
-            }
-            (_, Some(curvature), _) => Some(values(curvature, problem)),
-            _ => None,
-        };
+        let curvature = limit_curvature(problem, p.yield_stress.as_ref(), p.limit_curvature.as_ref(), solid);
         let angle = p.limit_angle.as_ref().map(|f| values(f, problem));
         // brittle pairs break at one angle, that of the horizon
         let angle = match (&curvature, brittle(&p.behavior)) {
@@ -434,6 +425,22 @@ fn plate<const D: usize>(problem: &Problem, parts: &[Part<BondMultiplePlate>]) -
     finish(problem, body, breaks, mass, derived)
 }
 
+/// Curvature at which layers yield or break: given, or that at which the outermost of the `solid` (E, h) reaches the yield stress.
+fn limit_curvature<S: deck::Kind, C: deck::Kind>(
+    problem: &Problem,
+    yield_stress: Option<&deck::SpaceField<S>>,
+    given: Option<&deck::SpaceField<C>>,
+    solid: Option<(&Vec<f64>, &Vec<f64>)>,
+) -> Option<Vec<f64>> {
+    match (yield_stress, solid) {
+        (Some(stress), Some((e, h))) => {
+            let strain = combine(&values(stress, problem), e, |s, e| s / e);
+            Some(combine(&strain, h, |s, h| 2.0 * s / h))
+        }
+        _ => given.map(|curvature| values(curvature, problem)),
+    }
+}
+
 /// A shell, a plate of any points or a curved beam.
 fn shell<const D: usize>(problem: &Problem, surface: &Surface) -> Checked<Assembly> {
     let deck = &problem.deck;
@@ -459,14 +466,7 @@ fn shell<const D: usize>(problem: &Problem, surface: &Surface) -> Checked<Assemb
     let rigidity = rigidity.ok_or_else(unknown)?;
     let membrane = s.membrane_stiffness.as_ref().map(|f| values(f, problem));
     let membrane = membrane.or_else(|| solid.map(|(e, h)| combine(e, h, |e, h| e * h))).ok_or_else(unknown)?;
-    let curvature = match (&s.yield_stress, &s.limit_curvature, solid) {
-        (Some(stress), _, Some((e, h))) => {
-            let strain = combine(&values(stress, problem), e, |s, e| s / e);
-            Some(combine(&strain, h, |s, h| 2.0 * s / h))
-        }
-        (_, Some(curvature), _) => Some(values(curvature, problem)),
-        _ => None,
-    };
+    let curvature = limit_curvature(problem, s.yield_stress.as_ref(), s.limit_curvature.as_ref(), solid);
     let angle = s.limit_angle.as_ref().map(|f| values(f, problem));
     let angle = match (&curvature, brittle(&s.behavior)) {
         (Some(curvature), Some(_)) => Some(combine(curvature, &problem.horizon, |c, h| c * h)),

@@ -1,6 +1,7 @@
 //! What a deformation leaves behind and what is told of it: plastic angles, broken pairs and bonds, curvatures and moments.
 
 use super::*;
+use crate::extension::Stretched;
 
 impl<const D: usize> Thin<D> {
     /// Commits plastic angles at an accepted state.
@@ -71,17 +72,28 @@ impl<const D: usize> Thin<D> {
         (0..self.points().div_ceil(CHUNK)).into_par_iter().map(chunk).collect::<Vec<_>>().concat()
     }
 
+    /// A bond of extension at displacements `u`; its extension is that beyond the stress-free shape.
+    #[inline(always)]
+    pub(super) fn stretched(&self, extension: &Extension, bond: usize, centre: &[f64; D], u: &[f64]) -> Stretched<D> {
+        let b = &extension.bonds[bond];
+        let mut eta = self.ends.value(b.end, u);
+        (0..D).for_each(|k| eta[k] -= centre[k]);
+        let arm = &self.arms[b.arm as usize];
+        let mut y = stretch(&arm.vector, b.sign, arm.length, &eta);
+        if let Some(rest) = &self.rest {
+            y.extension -= rest.extensions[bond];
+        }
+        y
+    }
+
     /// Stretch of the intact bonds of a point over the critical one, where there is one.
     pub(super) fn stretches(&self, point: usize, u: &[f64], mut each: impl FnMut(usize, f64)) {
         let Some(e) = &self.extension else { return };
         let Some(critical) = e.critical.get(point) else { return };
         let centre = self.ends.value(point as u32, u);
         for k in (e.starts[point]..e.starts[point + 1]).filter(|&k| e.is_intact(k)) {
-            let b = &e.bonds[k];
-            let mut eta = self.ends.value(b.end, u);
-            (0..D).for_each(|c| eta[c] -= centre[c]);
-            let arm = &self.arms[b.arm as usize];
-            each(k, stretch(&arm.vector, b.sign, arm.length, &eta).extension.abs() / (arm.length * critical));
+            let length = self.arms[e.bonds[k].arm as usize].length;
+            each(k, self.stretched(e, k, &centre, u).extension.abs() / (length * critical));
         }
     }
 
