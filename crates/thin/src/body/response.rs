@@ -120,12 +120,16 @@ impl<const D: usize> Thin<D> {
         worst
     }
 
-    /// Breaks pairs (and bonds, numbered after the pairs) for good; a broken bond breaks the pairs of its point that it is an arm of. Normals
-    /// are those of intact bonds from then on. Returns how many pairs and bonds broke.
+    /// Breaks pairs (and bonds, numbered after the pairs) for good; a broken bond breaks the opposite one, and the pairs of both points that it is
+    /// an arm of or whose virtual end follows the point that it went to. Normals are those of intact bonds from then on. Returns how many
+    /// pairs and bonds broke.
     pub fn break_pairs(&mut self, pairs: impl IntoIterator<Item = usize>) -> usize {
         let mut broken = 0;
         let mut touched = vec![];
-        for q in pairs {
+        let n = self.points();
+        let mut work: Vec<usize> = pairs.into_iter().collect();
+        work.reverse();
+        while let Some(q) = work.pop() {
             if q < self.pairs.len() {
                 broken += usize::from(std::mem::replace(&mut self.intact[q], false));
                 continue;
@@ -142,17 +146,24 @@ impl<const D: usize> Thin<D> {
             let point = e.starts.partition_point(|&s| s <= k) - 1;
             touched.push(point);
             let end = e.bonds[k].end;
+            if (end as usize) < n {
+                let back = (e.starts[end as usize]..e.starts[end as usize + 1]).find(|&b| e.bonds[b].end == point as u32);
+                work.extend(back.filter(|&b| e.intact[b]).map(|b| b + self.pairs.len()));
+            }
             for q in self.starts[point]..self.starts[point + 1] {
-                if self.pairs[q].plus == end || self.pairs[q].minus == end {
+                let ends = &self.ends;
+                let follows = |e: u32| e == end || (e as usize >= n && (end as usize) < n && ends.stencil(e).iter().any(|s| s.0 == end));
+                if follows(self.pairs[q].plus) || follows(self.pairs[q].minus) {
                     broken += usize::from(std::mem::replace(&mut self.intact[q], false));
                 }
             }
         }
+        touched.sort_unstable();
         self.reframe(touched);
         broken
     }
 
-    /// Breaks the bonds, and the pairs with an arm or a virtual point, that `cut` says a crack crosses (from one place to the other); returns
+    /// Breaks the bonds, joint pairs, and the pairs with an arm or a virtual point, that `cut` says a crack crosses (from one place to the other); returns
     /// how many. A virtual point counts as cut where one of the points it follows is on the other side of the crack.
     pub fn cut(&mut self, cut: impl Fn(&[f64; 3], &[f64; 3]) -> bool) -> usize {
         let mut crossing = vec![];
@@ -185,7 +196,7 @@ impl<const D: usize> Thin<D> {
                 }
             }
         }
-        self.break_pairs(crossing)
+        self.cut_joints(&cut) + self.break_pairs(crossing)
     }
 
     /// Which bonds are intact; empty where all are.
