@@ -34,7 +34,13 @@ fn pulled<const D: usize>(body: bodies::body::Body<D>, lattice: &Lattice<D>, end
     let n = body.points();
     let at = |x: f64| (0..n as u32).filter(|&p| lattice.position[p as usize][0] == x).collect::<Vec<u32>>();
     let constant = |value: f64| -> Option<Field> { Some(Box::new(move |_, _| value)) };
-    let held = |name: &str, points: Vec<u32>, components| Condition { name: name.into(), kind: Kind::Displacement, points, components };
+    let held = |name: &str, points: Vec<u32>, components| Condition {
+        name: name.into(),
+        kind: Kind::Displacement,
+        points,
+        components,
+        along: None,
+    };
     let (left, right) = (at(ends[0]), at(ends[1]));
     let (first, last) = (left[0], left[left.len() - 1]);
     let mut conditions = vec![

@@ -4,6 +4,7 @@ use crate::body::{Body, on_lattice};
 use crate::chunk::Chunk;
 use physics::family::Family;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// When a bond breaks. Thresholds are per point (sorted order); a bond's threshold is the mean of its two points', infinite
 /// where one of them is.
@@ -30,6 +31,15 @@ pub struct Broken {
     pub bonds: usize,
     /// Points whose family became singular: all their bonds were released.
     pub released: usize,
+}
+
+/// What breaking did to the energy that the families store, at the displacements at which bonds broke.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BreakingEnergy {
+    /// Σ V (W before − W after) \[J\].
+    pub released: f64,
+    /// Σ V (W after − W before) over the families that store more than before \[J\]: the part of `released` that has the wrong sign.
+    pub raised: f64,
 }
 
 /// Damage to go back to.
@@ -172,35 +182,66 @@ impl<const D: usize> Body<D> {
     /// Breaks bonds, both directions of each, and rebuilds the shapes of the touched points. A point whose family has
     /// become singular is released: its remaining bonds break too, and so on until no family is singular.
     pub fn break_bonds(&mut self, bonds: impl IntoIterator<Item = BondId>) -> Broken {
+        self.breaking(bonds, false).0
+    }
+
+    /// The same in a deformed body, with the energies of the touched families before and after, at the displacements last handed out by
+    /// [`forward`](Self::forward).
+    pub fn break_deformed_bonds(&mut self, bonds: impl IntoIterator<Item = BondId>) -> (Broken, BreakingEnergy) {
+        self.breaking(bonds, true)
+    }
+
+    fn breaking(&mut self, bonds: impl IntoIterator<Item = BondId>, deformed: bool) -> (Broken, BreakingEnergy) {
         let mut broken = Broken::default();
+        let mut energy = BreakingEnergy::default();
         let mut queue: Vec<BondId> = bonds.into_iter().collect();
+        // what families stored before they became singular
+        let mut singular: BTreeMap<(usize, usize), f64> = BTreeMap::new();
         while !queue.is_empty() {
-            let mut touched = vec![];
-            for bond in queue.drain(..) {
-                for b in [Some(bond), self.reverse(bond)].into_iter().flatten() {
-                    let c = &mut self.chunks[b.chunk as usize];
-                    if c.is_intact(b.slot as usize) {
-                        let i = c.point_of(b.slot as usize);
-                        c.break_bond(i, b.slot as usize);
-                        broken.bonds += 1;
-                        touched.push((b.chunk as usize, i));
-                    }
-                }
-            }
-            touched.sort_unstable();
+            let both = queue.drain(..).flat_map(|b| [Some(b), self.reverse(b)]).flatten();
+            let mut all: Vec<BondId> = both.filter(|b| self.chunks[b.chunk as usize].is_intact(b.slot as usize)).collect();
+            all.sort_unstable();
+            all.dedup();
+            let mut touched: Vec<(usize, usize)> =
+                all.iter().map(|b| (b.chunk as usize, self.chunks[b.chunk as usize].point_of(b.slot as usize))).collect();
             touched.dedup();
-            for (k, i) in touched {
+            let before: Vec<f64> = match deformed {
+                true => touched.iter().map(|&at| singular.remove(&at).unwrap_or_else(|| self.energy_at(at))).collect(),
+                false => vec![0.0; touched.len()],
+            };
+            for b in &all {
+                let c = &mut self.chunks[b.chunk as usize];
+                c.break_bond(c.point_of(b.slot as usize), b.slot as usize);
+            }
+            broken.bonds += all.len();
+            for ((k, i), before) in touched.into_iter().zip(before) {
                 let c = &self.chunks[k];
                 let view = c.configuration();
                 let regular = self.parts.iter_mut().all(|p| p.reshape(k, i, &view));
                 let left: Vec<usize> = c.slots(i).filter(|&s| c.is_intact(s)).collect();
+                if deformed && (regular || left.is_empty()) {
+                    // a family without bonds stores nothing, whatever its last shape
+                    let after = if left.is_empty() { 0.0 } else { self.energy_at((k, i)) };
+                    let volume = self.chunks[k].volume(i);
+                    energy.released += (before - after) * volume;
+                    energy.raised += (after - before).max(0.0) * volume;
+                } else if deformed {
+                    // what it stores is asked for when the rest of it is broken
+                    singular.insert((k, i), before);
+                }
                 if !regular && !left.is_empty() {
                     broken.released += 1;
                     queue.extend(left.into_iter().map(|s| BondId { chunk: k as u32, slot: s as u32 }));
                 }
             }
         }
-        broken
+        (broken, energy)
+    }
+
+    /// Energy density of the family of a local point, at the displacements last handed out \[J/m³\].
+    fn energy_at(&self, (k, i): (usize, usize)) -> f64 {
+        let view = self.chunks[k].configuration();
+        self.parts.iter().find_map(|p| p.energy_density_at(k, i, &view)).unwrap_or(0.0)
     }
 
     /// Breaks the bonds for which `cut(near, far)` holds (reference positions of their ends): pre-cracks.

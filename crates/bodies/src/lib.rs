@@ -8,6 +8,7 @@ pub mod chunk;
 pub mod crack;
 pub mod damage;
 pub mod generate;
+pub mod inclined;
 mod lattice;
 mod lattice_families;
 pub mod loads;

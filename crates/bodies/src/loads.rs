@@ -42,6 +42,8 @@ pub struct Condition {
     pub points: Vec<u32>,
     /// The components it acts on; `None` is free.
     pub components: [Option<Field>; 3],
+    /// The unit vector along which the first component is prescribed instead; the others are none.
+    pub along: Option<[f64; 3]>,
 }
 
 impl Condition {

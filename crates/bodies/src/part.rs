@@ -53,6 +53,8 @@ pub trait Part<const D: usize>: Send + Sync {
     fn make_shapes(&mut self, chunks: &[Chunk<D>]) -> Vec<(usize, usize)>;
     /// Computes the shape of one family again, after bonds broke. `false` where it has become singular.
     fn reshape(&mut self, chunk: usize, point: usize, c: &Configuration<f64>) -> bool;
+    /// Energy density of one family, if it is the part's.
+    fn energy_density_at(&self, chunk: usize, point: usize, c: &Configuration<f64>) -> Option<f64>;
     /// A copy of the shapes, to go back to.
     fn save_shapes(&mut self);
     /// Back to the saved shapes.
@@ -553,6 +555,14 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
             }
             Err(_) => false,
         }
+    }
+    fn energy_density_at(&self, chunk: usize, point: usize, c: &Configuration<f64>) -> Option<f64> {
+        let place = self.place[chunk][point];
+        if place == u32::MAX {
+            return None;
+        }
+        let (constants, shape) = (self.constants.at(self.points[chunk].0 + point), &self.shapes[chunk][place as usize]);
+        Some(self.material.energy_density(constants, shape, Family::<f64, D>::new(c, point)))
     }
     fn save_shapes(&mut self) {
         self.saved.clone_from(&self.shapes);

@@ -1,7 +1,8 @@
 //! A body with its conditions and damage: what solvers advance.
 
 use crate::body::{Body, StiffnessScratch, ordered_sum};
-use crate::damage::{Broken, Criterion, DamageState};
+use crate::damage::{BreakingEnergy, Broken, Criterion, DamageState};
+use crate::inclined::{Support, squared_reactions};
 use crate::loads::{Condition, Field, Kind, add_external, add_walls, each_contact};
 use rayon::prelude::*;
 use solvers::problem::{Dynamics, Statics, Stop};
@@ -55,6 +56,8 @@ pub struct Balance {
     pub external_work: f64,
     /// Σ of the energies that the bonds that broke in the run held when they did \[J\]: the energy that fracture is calibrated with
     pub broken_bonds: f64,
+    /// What breaking took out of the families, and what of it went up instead, at the displacements at which bonds broke \[J\]
+    pub breaking: BreakingEnergy,
     /// Linear momentum \[kg m/s\]
     pub momentum: [f64; 3],
     /// Angular momentum about the origin \[kg m²/s\]
@@ -76,8 +79,10 @@ pub struct Structure<const D: usize> {
     failure: Vec<Failure>,
     /// Prescribed by a condition, or held because a fragment floats (statics).
     fixed: Vec<bool>,
-    /// (dof, condition) of the prescribed dofs.
+    /// (dof, condition) of the prescribed dofs, but for those of supports.
     prescribed: Vec<(u32, u32)>,
+    /// Points with prescribed directions, ascending.
+    pub(crate) supports: Vec<Support<D>>,
     held: Vec<bool>,
     statics: bool,
     time: f64,
@@ -85,10 +90,12 @@ pub struct Structure<const D: usize> {
     /// Norm of the balanced forces at the last evaluation, and the largest at accepted states. Trial states do not count: with supports
     /// moved alone their forces are far too large, and residuals would look small beside them.
     force_scale: (f64, f64),
+    /// Norm of the forces that the temperature alone makes in the undeformed body, and when: a body that expands freely has no other scale.
+    thermal_force: Option<(f64, f64)>,
     pattern: Option<(Arc<BlockPattern>, FamilyList)>,
     saved: DamageState,
     /// Work, and what broke, at the last checkpoint.
-    saved_work: Option<(Work, Broken, f64)>,
+    saved_work: Option<(Work, Broken, f64, BreakingEnergy)>,
     work: Work,
     work_open: bool,
     scratch: Vec<f64>,
@@ -103,6 +110,7 @@ pub struct Structure<const D: usize> {
     pub broken: Broken,
     /// Energy that the bonds that broke held when they did.
     broken_energy: f64,
+    breaking: BreakingEnergy,
     /// Evaluations of all bonds, for throughput: force, and tangent products.
     pub evaluations: (u64, u64),
     closest: Closest,
@@ -154,8 +162,10 @@ impl<const D: usize> Structure<D> {
             .sqrt();
         let mut prescribed = vec![];
         let mut fixed = vec![false; n * D];
+        let supports = Support::<D>::all(&conditions);
+        let supported = |p: u32| supports.binary_search_by_key(&(p as usize), |s| s.point).is_ok();
         for (c, condition) in conditions.iter().enumerate().filter(|(_, c)| c.prescribes()) {
-            for &p in &condition.points {
+            for &p in condition.points.iter().filter(|&&p| !supported(p)) {
                 for k in 0..D {
                     let dof = p as usize * D + k;
                     if condition.components[k].is_some() && !fixed[dof] {
@@ -182,10 +192,12 @@ impl<const D: usize> Structure<D> {
             held: vec![false; n * D],
             fixed,
             prescribed,
+            supports,
             statics: false,
             time: 0.0,
             has_time: false,
             force_scale: (0.0, 0.0),
+            thermal_force: None,
             pattern: None,
             saved: DamageState::default(),
             saved_work: None,
@@ -198,6 +210,7 @@ impl<const D: usize> Structure<D> {
             watched: false,
             broken: Broken::default(),
             broken_energy: 0.0,
+            breaking: BreakingEnergy::default(),
             evaluations: (0, 0),
             closest: Closest { ever: f64::INFINITY, now: 1.0, gap: 0.0 },
             time_scale: duration,
@@ -275,6 +288,24 @@ impl<const D: usize> Structure<D> {
         ordered_sum(driven.len(), |k| external[driven[k] as usize].powi(2)).sqrt()
     }
 
+    /// Norm of the internal forces of the undeformed body at the temperatures of time `t`, 0 where there are none.
+    fn thermal_force(&mut self, t: f64) -> f64 {
+        if self.temperature.is_none() {
+            return 0.0;
+        }
+        if let Some((time, norm)) = self.thermal_force
+            && time == t
+        {
+            return norm;
+        }
+        self.at_time(t);
+        let (nothing, mut f) = (vec![0.0; self.body.dofs()], vec![0.0; self.body.dofs()]);
+        self.body.internal_force(&nothing, None, &mut f);
+        let norm = ordered_sum(f.len(), |q| f[q] * f[q]).sqrt();
+        self.thermal_force = Some((t, norm));
+        norm
+    }
+
     /// `K x` of the undeformed body by the faster of two ways, after comparing them once. `false` where there is one way only.
     fn undeformed_product(&mut self, u: &[f64], x: &[f64], y: &mut [f64]) -> bool {
         /// Largest relative difference of the two.
@@ -340,6 +371,10 @@ impl<const D: usize> Structure<D> {
                     debug_assert_eq!(c as usize, condition);
                     out[dof as usize % D] -= f[dof as usize];
                 }
+                for s in &self.supports {
+                    let share = s.share(condition, &self.conditions, &f[s.point * D..][..D]);
+                    out.iter_mut().zip(share).for_each(|(out, share)| *out -= share);
+                }
                 self.scratch = f;
             }
             Kind::RigidWall(_) => each_contact::<D>(&self.conditions, self.body.position(), u, t, |n, _, wall, stiffness, depth| {
@@ -379,7 +414,16 @@ impl<const D: usize> Structure<D> {
             let (a, b) = ((k + 1) % 3, (k + 2) % 3);
             *l = ordered_sum(n, |p| self.mass[p * D] * (x(p, a) * w(p, b) - x(p, b) * w(p, a)));
         }
-        Balance { kinetic, strain, contact, external_work: self.work.done, broken_bonds: self.broken_energy, momentum, angular_momentum }
+        Balance {
+            kinetic,
+            strain,
+            contact,
+            external_work: self.work.done,
+            broken_bonds: self.broken_energy,
+            breaking: self.breaking,
+            momentum,
+            angular_momentum,
+        }
     }
 
     /// Adds the work of the motion since the last call: mean of the old and new forces times the increment. `force` is the
@@ -390,6 +434,12 @@ impl<const D: usize> Structure<D> {
         for &(dof, _) in &self.prescribed {
             let place = self.driven.binary_search(&dof).expect("points of conditions are driven");
             driving[place] -= force[dof as usize];
+        }
+        for s in &self.supports {
+            let place = self.driven.binary_search(&((s.point * D) as u32)).expect("points of conditions are driven");
+            let part = s.prescribed_part(&force[s.point * D..][..D]);
+            // the dofs of a point stand together
+            driving[place..place + D].iter_mut().zip(part).for_each(|(d, part)| *d -= part);
         }
         let (work, driven) = (&mut self.work, &self.driven);
         if !std::mem::replace(&mut work.begun, true) && !self.statics {
@@ -424,8 +474,12 @@ impl<const D: usize> Structure<D> {
         // ties break together: the threshold is a shade below the fraction of the worst
         let limit = if all { 0.0 } else { worst * least * (1.0 - 1e-9) };
         let chosen: Vec<_> = found.into_iter().filter(|f| f.1 >= limit).map(|f| f.0).collect();
+        // the force may have been taken from the lattice, and the criterion from the force: families want the displacements in their rows
+        self.body.forward(u, v);
         self.broken_energy += self.body.bond_energies(chosen.iter().copied());
-        let broken = self.body.break_bonds(chosen);
+        let (broken, energy) = self.body.break_deformed_bonds(chosen);
+        self.breaking.released += energy.released;
+        self.breaking.raised += energy.raised;
         total.bonds += broken.bonds;
         total.released += broken.released;
         self.broken.bonds += total.bonds;
@@ -467,6 +521,9 @@ impl<const D: usize> Structure<D> {
         for &(dof, _) in &self.prescribed {
             anchored[find(&mut root, dof / D as u32) as usize] = true;
         }
+        for s in &self.supports {
+            anchored[find(&mut root, s.point as u32) as usize] = true;
+        }
         let whole = find(&mut root, 0);
         let one_piece = (0..n as u32).all(|p| find(&mut root, p) == whole);
         self.held.fill(false);
@@ -493,25 +550,39 @@ impl<const D: usize> Structure<D> {
         self.held.iter().step_by(D).filter(|h| **h).count()
     }
 
+    /// The prescribed displacements, or with `rate` all prescribed velocities.
     fn fill_prescribed(&self, t: f64, out: &mut [f64], rate: bool) {
-        // difference step: the cube root of the round-off, relative to the run
-        let h = self.time_scale * 6e-6;
         for &(dof, c) in &self.prescribed {
-            let (p, k) = (dof as usize / D, dof as usize % D);
-            let condition = &self.conditions[c as usize];
-            let x = self.body.position()[p];
-            let f = condition.components[k].as_ref().expect("prescribed components have a function");
-            match (&condition.kind, rate) {
-                (Kind::Displacement, false) => out[dof as usize] = f(x, t),
-                (Kind::Displacement, true) => {
-                    // one-sided at the start, where the function need not be defined before
-                    let a = (t - h).max(0.0);
-                    out[dof as usize] = (f(x, t + h) - f(x, a)) / (t + h - a);
-                }
-                (_, true) => out[dof as usize] = f(x, t),
-                (_, false) => {}
+            if rate || matches!(self.conditions[c as usize].kind, Kind::Displacement) {
+                out[dof as usize] = self.prescribed_value(c, dof as usize % D, dof as usize / D, t, rate);
             }
         }
+    }
+
+    /// What a condition prescribes of a component of a point: its function, or with `rate` the velocity that this means.
+    pub(crate) fn prescribed_value(&self, condition: u32, component: usize, point: usize, t: f64, rate: bool) -> f64 {
+        // difference step: the cube root of the round-off, relative to the run
+        let h = self.time_scale * 6e-6;
+        let condition = &self.conditions[condition as usize];
+        let x = self.body.position()[point];
+        let f = condition.components[component].as_ref().expect("prescribed components have a function");
+        if rate && matches!(condition.kind, Kind::Displacement) {
+            // one-sided at the start, where the function need not be defined before
+            let a = (t - h).max(0.0);
+            return (f(x, t + h) - f(x, a)) / (t + h - a);
+        }
+        f(x, t)
+    }
+
+    /// Whether a point belongs to a fragment that is held (statics).
+    pub(crate) fn is_held(&self, point: usize) -> bool {
+        self.held[point * D]
+    }
+
+    /// Whether some point is supported along a direction that is no axis of space: solvers then see the body through
+    /// [`Inclined`](crate::inclined::Inclined).
+    pub fn is_inclined(&self) -> bool {
+        !self.supports.is_empty()
     }
 }
 
@@ -616,10 +687,12 @@ impl<const D: usize> Statics for Structure<D> {
         self.fill_prescribed(t, u, false);
     }
     fn force(&mut self, t: f64, u: &[f64], f: &mut [f64]) -> Result<(), Stop> {
+        let thermal = self.thermal_force(t);
         let applied = self.total_force(t, u, None, f);
         self.check(t, u, f)?;
-        let reaction = self.prescribed.iter().map(|&(q, _)| f[q as usize] * f[q as usize]).sum::<f64>().sqrt();
-        self.force_scale.0 = applied.max(reaction);
+        let reaction = self.prescribed.iter().map(|&(q, _)| f[q as usize] * f[q as usize]).sum::<f64>();
+        let reaction = (reaction + squared_reactions(&self.supports, f)).sqrt();
+        self.force_scale.0 = applied.max(reaction).max(thermal);
         Ok(())
     }
     fn energy(&mut self, t: f64, u: &[f64]) -> Option<f64> {
@@ -708,6 +781,22 @@ impl<const D: usize> Statics for Structure<D> {
         }
         Ok(broken.bonds)
     }
+    fn first_failure(&mut self, t: f64, u: &[f64]) -> Result<Option<f64>, Stop> {
+        self.at_time(t);
+        let mut share: Option<f64> = None;
+        for failure in &self.failure {
+            let worst = self.body.exceeding(u, None, &failure.criterion).iter().fold(0.0f64, |m, f| m.max(f.1));
+            if worst > 0.0 {
+                // stretches go with the load, energies with its square
+                let at = match failure.criterion {
+                    Criterion::CriticalStretch(_) => 1.0 / worst,
+                    Criterion::CriticalBondEnergy(_) => 1.0 / worst.sqrt(),
+                };
+                share = Some(share.map_or(at, |s| s.min(at)));
+            }
+        }
+        Ok(share)
+    }
     fn accept(&mut self, t: f64, u: &[f64]) -> Result<(), Stop> {
         let mut f = std::mem::take(&mut self.scratch);
         self.total_force(t, u, None, &mut f);
@@ -719,16 +808,16 @@ impl<const D: usize> Statics for Structure<D> {
         Ok(())
     }
     fn checkpoint(&mut self) {
-        self.saved_work = Some((self.work.clone(), self.broken, self.broken_energy));
+        self.saved_work = Some((self.work.clone(), self.broken, self.broken_energy, self.breaking));
         self.work_open = true;
         if !self.failure.is_empty() {
             self.body.save_damage(&mut self.saved);
         }
     }
     fn rollback(&mut self) {
-        if let Some((work, broken, energy)) = &self.saved_work {
+        if let Some((work, broken, held, breaking)) = &self.saved_work {
             self.work = work.clone();
-            (self.broken, self.broken_energy) = (*broken, *energy);
+            (self.broken, self.broken_energy, self.breaking) = (*broken, *held, *breaking);
         }
         self.work_open = true;
         if !self.failure.is_empty() {
@@ -742,6 +831,9 @@ impl<const D: usize> Statics for Structure<D> {
 pub trait Simulated: Dynamics + Statics + Send {
     /// Statics or dynamics: see [`Structure::set_statics`].
     fn set_statics(&mut self, statics: bool);
+    /// Displacements or velocities along x, y, z become what solvers see: where points are supported along directions of their own,
+    /// components along those.
+    fn enter(&self, _u: &mut [f64]) {}
     /// A field: see [`Structure::field`].
     fn field(&mut self, name: crate::measures::FieldName, t: f64, u: &[f64], v: &[f64]) -> Vec<f64>;
     /// Energies and momenta.

@@ -70,7 +70,8 @@ fn body(position: &[[f64; 3]], volume: &[f64], model: Model) -> Body<2> {
 fn structure(body: Body<2>) -> Structure<2> {
     let n = body.points();
     let zero = || -> Option<Field> { Some(Box::new(|_, _| 0.0)) };
-    let held = Condition { name: "held".into(), kind: Kind::Displacement, points: vec![0, 1, 2], components: [zero(), zero(), None] };
+    let held =
+        Condition { name: "held".into(), kind: Kind::Displacement, points: vec![0, 1, 2], components: [zero(), zero(), None], along: None };
     let parts = Parts { id: (0..n as u64).collect(), user: (0..n as u32).collect(), material: vec![0; n], density: vec![1.0; n] };
     Structure::new(body, parts, vec![held], None, vec![], 1.0)
 }

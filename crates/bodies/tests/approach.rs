@@ -106,6 +106,7 @@ fn a_bar_driven_into_itself_keeps_order_and_energy_with_the_automatic_step() {
             kind,
             points: points.collect(),
             components: [Some(Box::new(move |_, _| value)), None, None],
+            along: None,
         };
         let conditions = vec![on(Kind::Displacement, 0..3, 0.0), on(Kind::Velocity, 27..30, -1.0)];
         let mut s = extended::<1>(&bar(30), exponent, control, conditions);
@@ -136,6 +137,90 @@ fn points_that_meet_are_named() {
         let message = Dynamics::force(&mut s, 0.0, &u, &v, &mut f).unwrap_err().to_string();
         assert!(message.contains("107") && message.contains("108"), "{message}");
     }
+}
+
+#[test]
+fn points_that_meet_in_space_are_named_and_others_are_watched() {
+    // 3 × 3 × 3 points; 113 is the one in the middle, 114 the next along x
+    let position: Vec<[f64; 3]> = (0..27).map(|p| [(p % 3) as f64, (p / 3 % 3) as f64, (p / 9) as f64]).collect();
+    for exponent in [0.0, -0.5, -1.5, -2.0] {
+        let mut s = extended::<3>(&position, exponent, 0.0, vec![]);
+        let (mut u, mut v, mut f) = (vec![0.0; 81], vec![0.0; 81], vec![0.0; 81]);
+        // on the way: a quarter of the distance is left, closing at a speed of one
+        (u[13 * 3], v[13 * 3]) = (0.75, 1.0);
+        let step = s.step_limit(0.0, &u, &v, 1.0).unwrap();
+        assert!((step - bodies::structure::APPROACH * 0.25).abs() < 1e-12, "{exponent}: {step}");
+        assert!((s.hardness() - 4.0).abs() < 1e-12);
+        let closest = bodies::structure::Simulated::closest_approach(&s).unwrap();
+        assert!((closest - 0.25).abs() < 1e-15, "{closest}");
+        assert!(Dynamics::force(&mut s, 0.0, &u, &v, &mut f).is_ok());
+        // there
+        u[13 * 3] = 1.0;
+        let message = s.step_limit(0.0, &u, &v, 1.0).unwrap_err().to_string();
+        assert!(message.contains("113") && message.contains("114") && message.contains("met"), "{message}");
+        let message = Dynamics::force(&mut s, 0.0, &u, &v, &mut f).unwrap_err().to_string();
+        assert!(message.contains("113") && message.contains("114"), "{message}");
+    }
+}
+
+/// Numbers between −1/2 and 1/2.
+fn random(seed: &mut u64) -> f64 {
+    *seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+    (*seed >> 33) as f64 / f64::from(1u32 << 31) - 0.5
+}
+
+#[test]
+fn what_breaking_does_to_stored_energy_is_accounted_for() {
+    let position: Vec<[f64; 3]> = (0..144).map(|p| [(p % 12) as f64, (p / 12) as f64, 0.0]).collect();
+    for empty in [EmptySubHorizon::Renormalise, EmptySubHorizon::ZeroEnergy { of: 4 }] {
+        let (mut seed, mut raised, mut rounds) = (11u64, 0.0, 0);
+        for round in 0..20 {
+            let model = SubHorizonCorrespondence::<_, _, 4> { law: LinearElastic, omega: One, empty };
+            let failure = vec![Failure { criterion: Criterion::CriticalStretch(vec![0.02; 144]), batch: 1.0 }];
+            let mut s = structure::<_, 2>(&position, model, stiffness::<2>(), vec![], failure);
+            let still = vec![0.0; 288];
+            let size = 0.03 + 0.003 * f64::from(round);
+            // breaks again and again, until next to nothing is left
+            for _ in 0..6 {
+                let u: Vec<f64> = (0..288).map(|_| size * random(&mut seed)).collect();
+                let before = s.balance(0.0, &u, &still);
+                let broke = Dynamics::accept(&mut s, 0.0, &u, &still).unwrap();
+                let after = s.balance(0.0, &u, &still);
+                let released = after.breaking.released - before.breaking.released;
+                let rose = after.breaking.raised - before.breaking.raised;
+                let dropped = before.strain - after.strain;
+                assert!((released - dropped).abs() <= 1e-12 * before.strain, "{empty:?} {round}: {released:e} {dropped:e}");
+                // what rises is counted in what is released, with the other sign
+                assert!(rose >= 0.0 && released >= -rose * (1.0 + 1e-12));
+                raised += rose / before.strain.max(f64::MIN_POSITIVE);
+                rounds += usize::from(broke);
+            }
+        }
+        println!("{empty:?}: {rounds} rounds broke bonds, which raised the energy of families by {raised:.3} of that of the body in all");
+        assert!(rounds > 60 && raised > 0.0);
+    }
+}
+
+#[test]
+fn broken_bonds_are_counted_with_the_displacements_at_which_they_broke() {
+    // on a lattice forces do not go through the rows that families read: what was in them before must not matter
+    let position: Vec<[f64; 3]> = (0..144).map(|p| [(p % 12) as f64, (p / 12) as f64, 0.0]).collect();
+    let still = vec![0.0; 288];
+    let mut seed = 5u64;
+    let [u, other]: [Vec<f64>; 2] = std::array::from_fn(|_| (0..288).map(|_| 0.04 * random(&mut seed)).collect());
+    let held = |before: &[f64]| {
+        let model = SubHorizonCorrespondence::<_, _, 4> { law: LinearElastic, omega: One, empty: EmptySubHorizon::Renormalise };
+        let failure = vec![Failure { criterion: Criterion::CriticalStretch(vec![0.02; 144]), batch: 1.0 }];
+        let mut s = structure::<_, 2>(&position, model, stiffness::<2>(), vec![], failure);
+        s.balance(0.0, before, &still);
+        let mut f = still.clone();
+        Dynamics::force(&mut s, 0.0, &u, &still, &mut f).unwrap();
+        assert!(Dynamics::accept(&mut s, 0.0, &u, &still).unwrap());
+        let b = s.balance(0.0, &u, &still);
+        (b.broken_bonds, b.breaking.released)
+    };
+    assert_eq!(held(&u), held(&other));
+    assert!(held(&u).0 > 0.0);
 }
 
 #[test]

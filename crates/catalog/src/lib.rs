@@ -8,6 +8,7 @@
 #![forbid(unsafe_code)]
 
 use bodies::chunk::Chunk;
+use bodies::inclined::Inclined;
 use bodies::part::{Assigned, Constants, Part};
 use bodies::structure::{Simulated, Structure};
 use physics::constitutive::{
@@ -122,7 +123,7 @@ macro_rules! compiled {
                 part::<$d, { monomial_count($d, LARGEST_ORDER[$d - 1]) }, { sub_horizon_planes($d, 1, false) }>(model, place)
             }
             fn simulated(structure: Structure<$d>) -> Box<dyn Simulated> {
-                Box::new(structure)
+                if structure.is_inclined() { Box::new(Inclined::new(structure)) } else { Box::new(structure) }
             }
         }
     )*};

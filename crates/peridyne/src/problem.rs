@@ -3,8 +3,9 @@
 
 use crate::deck::{self, Axis, Condition, Deck, DeckErrors, Issue, Lattice, PointSet, Points, Region, SetRule, Shape, Solver, Span};
 use crate::surface::Part;
-use bodies::crack::{Crack, Cracks};
+use bodies::crack::{Crack, CrackError, Cracks};
 use bodies::generate::{self, Filling, Jitter};
+use bodies::inclined::{Axes, Place};
 use bodies::neighbors::{Mirror, Neighbors, neighbors_with_mirrors};
 use bodies::points::PointCloud;
 use bodies::region;
@@ -116,11 +117,15 @@ impl Problem {
             .conditions
             .iter()
             .filter_map(|c| match c {
-                Condition::Symmetry(s) => Some(Mirror { axis: s.normal.value.index(), at: s.at.value }),
+                Condition::Symmetry(s) => s.axis().map(|axis| Mirror { axis: axis.index(), at: s.at.value }),
                 _ => None,
             })
             .collect();
-        let mirror_span = deck.conditions.iter().find(|c| matches!(c, Condition::Symmetry(_))).map_or(body.horizon.span, Condition::span);
+        let mirror_span = deck
+            .conditions
+            .iter()
+            .find(|c| matches!(c, Condition::Symmetry(s) if s.set.is_none()))
+            .map_or(body.horizon.span, Condition::span);
         let found = match neighbors_with_mirrors(&cloud.position, cloud.dimension, &cloud.spacing, &horizon, &mirrors) {
             Ok(found) => found,
             Err(e) => {
@@ -619,6 +624,7 @@ fn materials(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>,
 
 /// Contradictions: one component of one point prescribed twice with different values, or velocities in statics.
 fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>, issues: &mut Vec<Issue>) {
+    let known = issues.len();
     let statics = !matches!(deck.solver, Solver::VelocityVerlet(_));
     let end = match &deck.solver {
         Solver::VelocityVerlet(v) => v.end.map_or(1.0, |e| e.value),
@@ -627,6 +633,7 @@ fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>
         Solver::Buckling(b) => b.end.value,
         Solver::Vibration(_) | Solver::Spectrum(_) => 1.0,
     };
+    without_value(deck, cloud, sets, end, issues);
     type Seen<'a> = BTreeMap<(u32, usize), (usize, &'a Condition)>;
     let mut seen: Seen = BTreeMap::new();
     for (n, c) in deck.conditions.iter().enumerate() {
@@ -643,7 +650,7 @@ fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>
             Condition::InitialVelocity(v) if statics => {
                 issues.push(Issue::new(v.span, "statics have no initial velocity", "remove it, or use `velocity_verlet`"))
             }
-            Condition::Symmetry(s) if s.normal.value.index() >= cloud.dimension => {
+            Condition::Symmetry(s) if s.axis().is_some_and(|axis| axis.index() >= cloud.dimension) => {
                 issues.push(Issue::new(
                     s.span,
                     "the symmetry plane is normal to a direction the body does not have",
@@ -659,7 +666,7 @@ fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>
             }
             _ => {}
         }
-        if !matches!(c, Condition::Displacement(_) | Condition::Velocity(_)) {
+        if !matches!(c, Condition::Displacement(_) | Condition::Velocity(_)) || c.direction().is_some() {
             continue;
         }
         let components = components(c);
@@ -695,6 +702,112 @@ fn conditions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>
             }
         }
     }
+    if issues.len() == known {
+        directions(deck, cloud, sets, end, issues);
+    }
+}
+
+/// Expressions of conditions that have no value somewhere, at the end or on the way. (At the start they need none: loads may begin there.)
+fn without_value(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>, end: f64, issues: &mut Vec<Issue>) {
+    type Given<'a> = (Span, Box<dyn Fn([f64; 3], f64) -> f64 + 'a>);
+    macro_rules! given {
+        ($($field:expr),*) => {
+            [$($field.as_ref().map(|f| (f.span, Box::new(move |x, t| f.eval(x, t)) as Box<dyn Fn([f64; 3], f64) -> f64>))),*].into_iter().flatten().collect()
+        };
+    }
+    for c in &deck.conditions {
+        let fields: Vec<Given> = match c {
+            Condition::Displacement(d) => given!(d.x, d.y, d.z, d.along),
+            Condition::Velocity(d) => given!(d.x, d.y, d.z, d.along),
+            Condition::ForceDensity(d) => given!(d.x, d.y, d.z),
+            Condition::Traction(d) => given!(d.x, d.y, d.z),
+            _ => continue,
+        };
+        let points = c.set().and_then(|s| sets.get(&s.value)).map_or(&[][..], Vec::as_slice);
+        for (span, value) in fields {
+            let bad = points.iter().find_map(|&p| {
+                let x = cloud.position[p as usize];
+                [0.37, 1.0].map(|s| (s * end, value(x, s * end))).into_iter().find(|v| !v.1.is_finite()).map(|v| (p, x, v))
+            });
+            if let Some((p, x, (t, value))) = bad {
+                issues.push(Issue::new(
+                    span,
+                    format!(
+                        "the expression is {value} at point {} at ({:.6e}, {:.6e}, {:.6e}) and t = {t:.6e}",
+                        cloud.id[p as usize], x[0], x[1], x[2]
+                    ),
+                    "let it have a finite value at every point of the set and every time of the run",
+                ));
+            }
+        }
+    }
+}
+
+/// Contradictions at points where a direction is prescribed that is no axis: what is prescribed along a direction must be what others say of it.
+fn directions(deck: &Deck, cloud: &PointCloud, sets: &BTreeMap<String, Vec<u32>>, end: f64, issues: &mut Vec<Issue>) {
+    let d = cloud.dimension;
+    type Given<'a> = (&'a Condition, usize, [f64; 3]);
+    let mut at: BTreeMap<u32, Vec<Given>> = BTreeMap::new();
+    let points = |c: &Condition| c.set().and_then(|s| sets.get(&s.value)).map_or(&[][..], Vec::as_slice);
+    let inclined: Vec<&Condition> = deck.conditions.iter().filter(|c| c.direction().is_some()).collect();
+    for &p in inclined.iter().flat_map(|c| points(c)) {
+        at.entry(p).or_default();
+    }
+    if let (Solver::Statics(deck::Statics { control: deck::StaticControl::Displacement(control), .. }), Some(c)) =
+        (&deck.solver, inclined.first())
+        && sets.get(&control.over.value).is_some_and(|over| over.iter().any(|p| at.contains_key(p)))
+    {
+        let message = format!("the set `{}` has points that `{}` holds along a direction of its own", control.over.value, c.label());
+        issues.push(Issue::new(control.over.span, message, "control points that are free, or held along axes"));
+    }
+    for c in &deck.conditions {
+        let prescribes = matches!(c, Condition::Displacement(_) | Condition::Velocity(_)) || c.direction().is_some();
+        let components = components(c);
+        for p in points(c).iter().filter(|_| prescribes) {
+            let Some(list) = at.get_mut(p) else { continue };
+            match c.direction() {
+                Some(direction) => list.push((c, 0, direction)),
+                None => list.extend((0..d).filter(|&k| components[k].is_some()).map(|k| (c, k, unit(k)))),
+            }
+        }
+    }
+    let mut told: Vec<*const Condition> = vec![];
+    for (p, given) in at {
+        let x = cloud.position[p as usize];
+        let mut axes = Axes::new();
+        let mut kept: Vec<Given> = vec![];
+        for (c, k, direction) in given {
+            let velocity = |c: &Condition| matches!(c, Condition::Velocity(_));
+            let wrong = if kept.first().is_some_and(|first| velocity(first.0) != velocity(c)) {
+                Some("prescribes a velocity, another a displacement".to_owned())
+            } else if let Place::Known(factors) = axes.add(kept.len(), direction) {
+                let same = [0.0, 0.37, 1.0].iter().all(|s| {
+                    let values: Vec<f64> = kept.iter().map(|(c, k, _)| prescribed(c, *k, x, s * end).unwrap_or(0.0)).collect();
+                    let expected: f64 = factors.iter().zip(&values).map(|(f, v)| f * v).sum();
+                    let own = prescribed(c, k, x, s * end).unwrap_or(0.0);
+                    (own - expected).abs() <= 1e-9 * values.iter().fold(own.abs(), |m, v| m.max(v.abs()))
+                });
+                (!same).then(|| "prescribes along a direction that others hold already, and differently".to_owned())
+            } else {
+                kept.push((c, k, direction));
+                None
+            };
+            if let (Some(what), false) = (wrong, told.contains(&std::ptr::from_ref(c))) {
+                told.push(c);
+                let others: Vec<String> = kept.iter().map(|(c, ..)| format!("`{}`", c.label())).collect();
+                issues.push(Issue::new(
+                    c.span(),
+                    format!("at point {} `{}` {what}: {}", cloud.id[p as usize], c.label(), others.join(", ")),
+                    "make the sets disjoint, or the values agree",
+                ));
+            }
+        }
+    }
+}
+
+/// The unit vector along an axis.
+fn unit(k: usize) -> [f64; 3] {
+    std::array::from_fn(|q| f64::from(u8::from(q == k)))
 }
 
 /// The places of the components that a condition prescribes.
@@ -709,6 +822,8 @@ fn components(c: &Condition) -> [Option<Span>; 3] {
 /// The value that a condition prescribes.
 fn prescribed(c: &Condition, k: usize, x: [f64; 3], t: f64) -> Option<f64> {
     match c {
+        Condition::Displacement(d) if d.direction.is_some() => d.along.as_ref().map(|f| f.eval(x, t)),
+        Condition::Velocity(d) if d.direction.is_some() => d.along.as_ref().map(|f| f.eval(x, t)),
         Condition::Displacement(d) => [&d.x, &d.y, &d.z][k].as_ref().map(|f| f.eval(x, t)),
         Condition::Velocity(d) => [&d.x, &d.y, &d.z][k].as_ref().map(|f| f.eval(x, t)),
         _ => None,
@@ -738,7 +853,20 @@ fn cracks(deck: &Deck, issues: &mut Vec<Issue>) -> Option<Cracks> {
     match Cracks::new(&cracks, deck.body.dimensions()) {
         Ok(cracks) => Some(cracks),
         Err(e) => {
-            issues.push(Issue::new(list[0].1, e.to_string(), "correct the crack"));
+            let (number, what, remedy) = match &e {
+                CrackError::NotFinite { number, .. } => (*number, "the crack has a value that is not finite".into(), "correct it"),
+                CrackError::Degenerate { number, .. } => (
+                    *number,
+                    "the crack has no extent".into(),
+                    "give two different points, or edges, a normal and a radius that do not vanish",
+                ),
+                CrackError::Dimension { number, dimension, .. } => (
+                    *number,
+                    format!("the body has {dimension} dimensions, which this crack does not fit"),
+                    "use a `point` in one dimension, a `segment` in two, a `rectangle` or `disc` in three",
+                ),
+            };
+            issues.push(Issue::new(list[number].1, what, remedy));
             None
         }
     }

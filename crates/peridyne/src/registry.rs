@@ -798,12 +798,35 @@ fn conditions(problem: &Problem) -> Vec<loads::Condition> {
         let name = c.label();
         let points = c.set().map(|s| problem.set(&s.value).to_vec()).unwrap_or_default();
         match c {
-            Condition::Displacement(d) => out.push(loads::Condition { name, kind: Kind::Displacement, points, components: components!(d) }),
-            Condition::Velocity(d) => out.push(loads::Condition { name, kind: Kind::Velocity, points, components: components!(d) }),
-            Condition::ForceDensity(d) => out.push(loads::Condition { name, kind: Kind::ForceDensity, points, components: components!(d) }),
+            Condition::Displacement(d) => {
+                out.push(prescribed(
+                    Kind::Displacement,
+                    name,
+                    points,
+                    components!(d),
+                    c,
+                    d.along.clone().map(|f| Box::new(move |x, t| f.eval(x, t)) as Field),
+                ));
+            }
+            Condition::Velocity(d) => {
+                out.push(prescribed(
+                    Kind::Velocity,
+                    name,
+                    points,
+                    components!(d),
+                    c,
+                    d.along.clone().map(|f| Box::new(move |x, t| f.eval(x, t)) as Field),
+                ));
+            }
+            Condition::Symmetry(s) if s.axis().is_none() => {
+                out.push(prescribed(Kind::Displacement, name, points, [None, None, None], c, None));
+            }
+            Condition::ForceDensity(d) => {
+                out.push(loads::Condition { name, kind: Kind::ForceDensity, points, components: components!(d), along: None })
+            }
             Condition::Traction(d) => {
                 let depth = points.iter().map(|&p| d.depth.map_or(problem.cloud.spacing[p as usize], |q| q.value)).collect();
-                out.push(loads::Condition { name, kind: Kind::Traction { depth }, points, components: components!(d) });
+                out.push(loads::Condition { name, kind: Kind::Traction { depth }, points, components: components!(d), along: None });
             }
             Condition::RigidWall(w) => {
                 let mut normal = [0.0; 3];
@@ -837,7 +860,7 @@ fn conditions(problem: &Problem) -> Vec<loads::Condition> {
                 let velocity = w.velocity.clone();
                 let motion = move |t: f64| velocity.as_ref().map_or(0.0, |v| travelled(|s| v.eval([0.0; 3], s), t));
                 let wall = Wall { normal, at, motion: Box::new(motion), stiffness };
-                out.push(loads::Condition { name, kind: Kind::RigidWall(wall), points, components: [None, None, None] });
+                out.push(loads::Condition { name, kind: Kind::RigidWall(wall), points, components: [None, None, None], along: None });
             }
             // the last are refused for solids, and made elsewhere for beams and plates
             Condition::InitialVelocity(_)
@@ -854,6 +877,20 @@ fn conditions(problem: &Problem) -> Vec<loads::Condition> {
         }
     }
     out
+}
+
+/// A prescribed motion: of components along the axes, or of the one along the direction of the condition, which is 0 where it is not given.
+fn prescribed(
+    kind: Kind,
+    name: String,
+    points: Vec<u32>,
+    components: [Option<Field>; 3],
+    c: &Condition,
+    value: Option<Field>,
+) -> loads::Condition {
+    let along = c.direction();
+    let components = if along.is_some() { [value.or_else(|| Some(Box::new(|_, _| 0.0))), None, None] } else { components };
+    loads::Condition { name, kind, points, components, along }
 }
 
 /// ∫₀ᵗ v dt by Gauss' rule of three points on 16 intervals: exact for polynomials of degree five.

@@ -23,6 +23,7 @@ use solvers::newton::{LinearSolver, Newton, NewtonOptions};
 use solvers::nonlinear_cg::{NonlinearCg, NonlinearCgOptions};
 use solvers::observe::{Ended, StepReport};
 use solvers::problem::{Dynamics, Statics};
+use solvers::sequential::SequentiallyLinear;
 use solvers::velocity_verlet::{Following, Motion, VelocityVerlet, stable_step};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -31,7 +32,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 mod advance;
-use advance::{follow, motion, path_options, statics};
+use advance::{follow, motion, path_options, sequential, statics};
 
 /// Why there is no result at all.
 #[derive(Debug, thiserror::Error)]
@@ -166,6 +167,8 @@ pub fn run_keeping(
     let Assembly { mut model, derived, warnings } = assembly;
     let mut recorder = Recorder::new(&problem, &*model, target, wanted)?;
     let (mut u, mut v) = initial_state(&problem, Statics::dofs(&*model));
+    model.enter(&mut u);
+    model.enter(&mut v);
     if matches!(problem.deck.solver, Solver::VelocityVerlet(_)) {
         // what is prescribed moves from the first instant on: that is part of the initial state, not work
         model.prescribe_displacement(0.0, &mut u);
@@ -220,6 +223,9 @@ pub fn run_keeping(
                 let end = statics(&mut *model, &program, method, &mut u, &mut recorder, progress, cancel);
                 lost_digits = newton.linear_error();
                 end
+            } else if matches!(options.control, deck::StaticControl::Breaking) {
+                let path = SequentiallyLinear::new(options.end.value);
+                sequential(&mut *model, &path, method, &mut u, &mut recorder, progress, cancel)
             } else {
                 let arc = path_options(&problem, options, &*model, threads);
                 follow(&mut *model, &arc, &mut u, &mut recorder, progress, cancel)
@@ -622,6 +628,8 @@ impl<'a> Recorder<'a> {
             total,
             b.external_work + initial - total,
             b.broken_bonds,
+            b.breaking.released,
+            b.breaking.raised,
             b.momentum[0],
             b.momentum[1],
             b.momentum[2],

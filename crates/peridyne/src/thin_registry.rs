@@ -145,14 +145,15 @@ fn layout(problem: &Problem, plane: bool) -> Checked<Layout> {
     let mut span = deck.body.span;
     for c in &deck.conditions {
         let (normal, at, parity) = match c {
-            Condition::SimplySupported(e) if e.mirror => (&e.normal, e.at.value, Parity::Odd),
-            Condition::Clamped(e) if e.mirror => (&e.normal, e.at.value, Parity::Even),
-            Condition::Symmetry(s) => (&s.normal, s.at.value, Parity::Even),
+            Condition::SimplySupported(e) if e.mirror => (Some(&e.normal.value), e.at.value, Parity::Odd),
+            Condition::Clamped(e) if e.mirror => (Some(&e.normal.value), e.at.value, Parity::Even),
+            Condition::Symmetry(s) => (s.axis(), s.at.value, Parity::Even),
             _ => continue,
         };
         span = c.span();
         let mut n = [0.0; 3];
-        n[normal.value.index()] = 1.0;
+        // beams and plates have no other planes
+        n[normal.map_or(0, |axis| axis.index())] = 1.0;
         mirrors.push(Mirror { normal: n, at, parity });
     }
     made.map_err(fault(deck.body.span))?.with_mirrors(&mirrors).map_err(fault(span))
@@ -530,7 +531,7 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
                 out.push(hold(name, on_plane(e.normal.value.index(), e.at.value), &all));
             }
             Condition::Symmetry(s) => {
-                let k = s.normal.value.index();
+                let k = s.axis().map_or(0, |axis| axis.index());
                 if D > 1 && k < D {
                     out.push(hold(name, on_plane(k, s.at.value), &[k]));
                 }

@@ -216,6 +216,27 @@ fn hostile_decks_are_refused_without_harm() {
 }
 
 #[test]
+fn directions_and_breaking_loads_are_checked() {
+    let plane = |condition: &str, solver: &str| {
+        format!(
+            "body:\n  dimension: 2\n  plane: strain\n  points:\n    - rectangle: {{from: [0, 0], to: [5, 5], spacing: 1}}\n  horizon: 3.015\nmaterials:\n  m:\n    model: {{bond_based: {{youngs_modulus: 1}}}}\nconditions:\n  - {condition}\nsolver: {solver}\n"
+        )
+    };
+    for (condition, solver, part) in [
+        ("displacement: {set: all, direction: [1, 1, 0]}", "statics", "`direction` has 3 components, but the body has dimension 2"),
+        ("displacement: {set: all, direction: [0, 0]}", "statics", "`direction` has no direction"),
+        ("displacement: {set: all, direction: [1, 1], x: 0}", "statics", "components along the axes go with no `direction`"),
+        ("displacement: {set: all, along: 1}", "statics", "`along` needs a `direction`"),
+        ("symmetry: {normal: [1, 1]}", "statics", "needs the `set` of points that lie in it"),
+        ("symmetry: {normal: x, set: all}", "statics", "it has no set"),
+        ("displacement: {set: all, x: 0}", "{statics: {control: breaking}}", "needs `linear: true`"),
+    ] {
+        let told = faults(&plane(condition, solver)).to_string();
+        assert!(told.contains(part) && told.contains("help: "), "{told}");
+    }
+}
+
+#[test]
 fn later_checks_can_point_into_the_deck() {
     let deck = Deck::from_text(starter().into(), Path::new("deck.yaml"), &[], None).unwrap();
     let issue = Issue::new(deck.body.horizon.span, "the horizon is too small", "take 3 spacings");

@@ -14,6 +14,7 @@ pub mod nonlinear_cg;
 pub mod observe;
 pub mod ordering;
 pub mod problem;
+pub mod sequential;
 pub mod sparse;
 pub mod two_level;
 pub mod vector;

@@ -183,6 +183,15 @@ pub trait Statics {
     /// [`Stop`] where the state cannot be evaluated.
     fn break_bonds(&mut self, t: f64, u: &[f64]) -> Result<usize, Stop>;
 
+    /// The share of the load `t` at which the first bond would fail if displacements were `u` at `t` and in proportion to the load below; `None`,
+    /// the default, where none fails up to `t`.
+    ///
+    /// # Errors
+    /// [`Stop`] where the state cannot be evaluated.
+    fn first_failure(&mut self, _t: f64, _u: &[f64]) -> Result<Option<f64>, Stop> {
+        Ok(None)
+    }
+
     /// The increment is accepted: commit history.
     ///
     /// # Errors
@@ -242,6 +251,9 @@ impl<P: Statics + ?Sized> Statics for &mut P {
     }
     fn break_bonds(&mut self, t: f64, u: &[f64]) -> Result<usize, Stop> {
         (**self).break_bonds(t, u)
+    }
+    fn first_failure(&mut self, t: f64, u: &[f64]) -> Result<Option<f64>, Stop> {
+        (**self).first_failure(t, u)
     }
     fn accept(&mut self, t: f64, u: &[f64]) -> Result<(), Stop> {
         (**self).accept(t, u)

@@ -350,6 +350,36 @@ impl BlockMatrix {
         true
     }
 
+    /// Turns points to axes of their own: with `R` the row-major `D×D` matrix whose rows are the axes of a point, and the unit matrix where
+    /// there are none, every block `(a, b)` becomes `R_a B R_bᵀ`.
+    pub fn turn<'a>(&mut self, axes: impl Fn(usize) -> Option<&'a [f64]>) {
+        let d = self.pattern.block;
+        let mut old = vec![0.0; d * d];
+        for column in 0..self.pattern.points() {
+            let right = axes(column);
+            let first = self.pattern.starts[column];
+            for (k, &row) in self.pattern.column(column).iter().enumerate() {
+                let left = axes(row as usize);
+                if left.is_none() && right.is_none() {
+                    continue;
+                }
+                let block = &mut self.values[(first + k) * d * d..][..d * d];
+                if let Some(left) = left {
+                    old.copy_from_slice(block);
+                    for (q, b) in block.iter_mut().enumerate() {
+                        *b = (0..d).map(|i| left[q % d * d + i] * old[q / d * d + i]).sum();
+                    }
+                }
+                if let Some(right) = right {
+                    old.copy_from_slice(block);
+                    for (q, b) in block.iter_mut().enumerate() {
+                        *b = (0..d).map(|j| old[j * d + q % d] * right[q / d * d + j]).sum();
+                    }
+                }
+            }
+        }
+    }
+
     /// Adds `addition[k]` to diagonal entry `k`.
     pub fn add_diagonal(&mut self, addition: &[f64]) {
         addition.iter().enumerate().for_each(|(k, x)| self.add_diagonal_entry(k, *x));

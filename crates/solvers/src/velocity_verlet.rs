@@ -178,7 +178,8 @@ impl VelocityVerlet {
     /// end of the step. The force is evaluated once a step, before bonds break: a bond that fails at `t'` acts until `t' + Δt/2`.
     ///
     /// # Errors
-    /// [`MotionError`]. After [`MotionError::Stopped`] `motion` holds the state in which the body stopped.
+    /// [`MotionError`]. After [`MotionError::Stopped`] `motion` holds the last accepted displacements and their time; velocities are half a step
+    /// ahead of them where the force could not be evaluated.
     pub fn run<P: Dynamics + ?Sized>(
         &self,
         problem: &mut P,
@@ -250,8 +251,16 @@ impl VelocityVerlet {
                 for (&dof, before) in free.fixed.iter().zip(&before) {
                     motion.v[dof as usize] = (motion.u[dof as usize] - before) / h;
                 }
+                if let Err(stop) = problem.force(time, &motion.u, &motion.v, &mut force) {
+                    // back to where the body could be evaluated
+                    motion.step = step - 1;
+                    motion.u.iter_mut().zip(&motion.v).for_each(|(u, v)| *u -= h * v);
+                    for (&dof, before) in free.fixed.iter().zip(&before) {
+                        motion.u[dof as usize] = *before;
+                    }
+                    return Err(stopped(step, time)(stop));
+                }
                 motion.time = time;
-                problem.force(time, &motion.u, &motion.v, &mut force).map_err(stopped(step, time))?;
                 kick(&mut motion.v, 0.5 * h, &force, &free.inverse_mass);
                 problem.prescribe_velocity(time, &mut motion.v);
                 let broke = problem.accept(time, &motion.u, &motion.v).map_err(stopped(step, time))?;

@@ -320,7 +320,7 @@ pub(crate) fn placeholders(label: &str) -> Vec<&str> {
 }
 
 /// Columns that every history begins with.
-pub(crate) const HISTORY: [&str; 17] = [
+pub(crate) const HISTORY: [&str; 19] = [
     "time",
     "step",
     "energy.kinetic",
@@ -330,6 +330,8 @@ pub(crate) const HISTORY: [&str; 17] = [
     "energy.total",
     "energy.dissipated",
     "energy.broken_bonds",
+    "energy.released",
+    "energy.raised",
     "momentum.x",
     "momentum.y",
     "momentum.z",
@@ -346,7 +348,8 @@ fn history_columns(deck: &Sections) -> Vec<String> {
     let acting = deck
         .conditions
         .iter()
-        .filter(|c| !matches!(c, Condition::InitialVelocity(_) | Condition::InitialDisplacement(_) | Condition::Symmetry(_)));
+        .filter(|c| !matches!(c, Condition::InitialVelocity(_) | Condition::InitialDisplacement(_)))
+        .filter(|c| !matches!(c, Condition::Symmetry(plane) if plane.axis().is_some()));
     let axes = &["x", "y", "z"][..deck.body.dimensions().clamp(1, 3)];
     let reactions = acting.flat_map(|c| axes.iter().map(move |axis| format!("reaction.{}.{axis}", c.label())));
     let path = matches!(&deck.solver, Solver::Statics(s) if !matches!(s.control, StaticControl::Load));

@@ -453,7 +453,8 @@ pub(crate) fn check_bound<T: Numbers>(value: &T, bound: &Bound, cx: &mut Context
         } else {
             format!("`{written}` = {number}")
         };
-        cx.fault(span, format!("the value must be {}, but is {shown}", bound.text), "");
+        let remedy = format!("give a value that is {}; units, and parameters in it, count", bound.text);
+        cx.fault(span, format!("the value must be {}, but is {shown}", bound.text), remedy);
     }
 }
 

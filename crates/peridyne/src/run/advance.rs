@@ -98,18 +98,49 @@ pub(super) fn statics(
         program.run(model, method, u, &mut observer, Some(cancel))
     };
     recorder.last_velocity = rest;
-    let exit = match result {
-        Ok(Ended::Completed) => Exit::Completed { time: last.0 },
-        Ok(_) => Exit::Stopped { reason: "stopped by the user".into(), time: last.0 },
+    (ended(result, model, u, recorder, last.0), last.1)
+}
+
+/// A linear body whose bonds break one after the other.
+pub(super) fn sequential(
+    model: &mut (dyn Simulated + 'static),
+    path: &SequentiallyLinear,
+    method: &mut dyn Equilibrium,
+    u: &mut [f64],
+    recorder: &mut Recorder,
+    progress: &mut dyn Progress,
+    cancel: &AtomicBool,
+) -> (Exit, usize) {
+    let mut last = (0.0, 0);
+    let rest = vec![0.0; u.len()];
+    recorder.frame(model, 0, 0.0, u, &rest);
+    recorder.begin(model, 0.0, u, &rest);
+    let result = {
+        let mut observer = |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], _: &[f64]| {
+            last = (report.time, report.step);
+            recorder.iterations.0 += report.iterations;
+            recorder.iterations.1 += report.linear_iterations;
+            recorder.step(model, report, u, &rest, progress)
+        };
+        path.run(model, method, u, &mut observer, Some(cancel))
+    };
+    recorder.last_velocity = rest;
+    (ended(result, model, u, recorder, last.0), last.1)
+}
+
+/// How statics ended.
+fn ended(result: Result<Ended, StaticsError>, model: &dyn Simulated, u: &[f64], recorder: &Recorder, time: f64) -> Exit {
+    match result {
+        Ok(Ended::Completed) => Exit::Completed { time },
+        Ok(_) => Exit::Stopped { reason: "stopped by the user".into(), time },
         Err(e) => {
             let worst = match &e {
                 StaticsError::Increment { cause, .. } => cause.worst_dof(),
                 _ => None,
             };
-            failed(&e, worst, model, u.len() / recorder.points(), last.0)
+            failed(&e, worst, model, u.len() / recorder.points(), time)
         }
-    };
-    (exit, last.1)
+    }
 }
 
 /// The end of statics that failed, with the place of the worst residual where one is known.
@@ -132,7 +163,7 @@ pub(super) fn path_options(problem: &Problem, options: &deck::Statics, model: &d
         ..ArcLength::default()
     };
     match &options.control {
-        deck::StaticControl::Load => {}
+        deck::StaticControl::Load | deck::StaticControl::Breaking => {}
         deck::StaticControl::ArcLength(a) => {
             (arc.first_step, arc.largest_step) = (a.first_step.value, a.largest_step.value);
             arc.most_steps = a.most_steps.value as usize;

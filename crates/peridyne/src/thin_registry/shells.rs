@@ -149,13 +149,14 @@ fn mirrors(problem: &Problem) -> Vec<Mirror> {
     let mut mirrors = vec![];
     for c in &problem.deck.conditions {
         let (normal, at, parity) = match c {
-            Condition::SimplySupported(e) if e.mirror => (&e.normal, e.at.value, Parity::Odd),
-            Condition::Clamped(e) if e.mirror => (&e.normal, e.at.value, Parity::Even),
-            Condition::Symmetry(s) => (&s.normal, s.at.value, Parity::Even),
+            Condition::SimplySupported(e) if e.mirror => (Some(&e.normal.value), e.at.value, Parity::Odd),
+            Condition::Clamped(e) if e.mirror => (Some(&e.normal.value), e.at.value, Parity::Even),
+            Condition::Symmetry(s) => (s.axis(), s.at.value, Parity::Even),
             _ => continue,
         };
         let mut n = [0.0; 3];
-        n[normal.value.index()] = 1.0;
+        // shells have no other planes
+        n[normal.map_or(0, |axis| axis.index())] = 1.0;
         mirrors.push(Mirror { normal: n, at, parity });
     }
     mirrors

@@ -1,8 +1,10 @@
 //! `conditions` and `temperature`: what acts on the body.
-use crate::deck::decode::{Context, SetName, Spanned, Text, choice, section};
+use crate::deck::decode::{Context, Decode, SetName, Spanned, Text, choice, section};
 use crate::deck::quantity::{
     ContactStiffness, Field, ForceDensity, Length, Number, OnlyTime, Pressure, Quantity, SpaceField, Temperature, TimeField, Velocity,
 };
+use crate::deck::tree::{Content, Node};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 
 choice! {
     /// A condition.
@@ -55,6 +57,10 @@ section! {
         y: Option<TimeField<Length>>,
         /// Displacement along z.
         z: Option<TimeField<Length>>,
+        /// A direction, of any length, along which the displacement is prescribed instead of along axes; free across it. For solids.
+        direction: Option<Vec<Quantity<Number>>>,
+        /// Displacement along `direction`; 0, a roller, if not given.
+        along: Option<TimeField<Length>>,
     }
 }
 
@@ -71,6 +77,10 @@ section! {
         y: Option<TimeField<Velocity>>,
         /// Velocity along z.
         z: Option<TimeField<Velocity>>,
+        /// A direction, of any length, along which the velocity is prescribed instead of along axes; free across it. For solids.
+        direction: Option<Vec<Quantity<Number>>>,
+        /// Velocity along `direction`; 0 if not given.
+        along: Option<TimeField<Velocity>>,
     }
 }
 
@@ -160,12 +170,57 @@ impl Axis {
 }
 
 section! {
-    /// A plane of mirror symmetry: the body is the half on one side of it.
+    /// A plane of mirror symmetry: the body is the half on one side of it. Across a plane normal to an axis families are completed by mirror
+    /// images; in a plane of any other direction the points of a set are held, and families end there.
     pub struct Symmetry as "a symmetry plane" check check_symmetry {
-        /// The axis the plane is normal to.
-        normal: Spanned<Axis>,
+        /// The axis the plane is normal to, or (solids) its normal as a vector of any length.
+        normal: Spanned<PlaneNormal>,
         /// Where the plane cuts that axis.
         at: Quantity<Length> = "0",
+        /// The points in a plane whose normal is a vector: they move within it.
+        set: Option<SetName>,
+        /// Name in reactions of a plane whose normal is a vector.
+        name: Option<Text>,
+    }
+}
+
+/// The normal of a plane of symmetry.
+#[derive(Debug, Clone, serde::Serialize)]
+#[serde(untagged)]
+pub enum PlaneNormal {
+    /// Along an axis.
+    Axis(Axis),
+    /// Along a vector.
+    Vector(Vec<Quantity<Number>>),
+}
+
+impl Decode for PlaneNormal {
+    fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
+        match &node.content {
+            Content::List(_) => Decode::decode(node, cx).map(Self::Vector),
+            _ => Decode::decode(node, cx).map(Self::Axis),
+        }
+    }
+}
+
+impl JsonSchema for PlaneNormal {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "PlaneNormal".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let (axis, vector) = (generator.subschema_for::<Axis>(), generator.subschema_for::<Vec<Quantity<Number>>>());
+        json_schema!({"description": "Normal of a plane: an axis, or a vector of any length.", "anyOf": [axis, vector]})
+    }
+}
+
+impl Symmetry {
+    /// The axis that the plane is normal to, unless its normal is a vector.
+    pub fn axis(&self) -> Option<&Axis> {
+        match &self.normal.value {
+            PlaneNormal::Axis(axis) => Some(axis),
+            PlaneNormal::Vector(_) => None,
+        }
     }
 }
 
@@ -196,6 +251,19 @@ section! {
 }
 
 impl Condition {
+    /// The direction along which it prescribes a motion, if it is no axis: a unit vector.
+    pub fn direction(&self) -> Option<[f64; 3]> {
+        let given = match self {
+            Condition::Displacement(condition) => condition.direction.as_ref()?,
+            Condition::Velocity(condition) => condition.direction.as_ref()?,
+            Condition::Symmetry(Symmetry { normal: Spanned { value: PlaneNormal::Vector(normal), .. }, .. }) => normal,
+            _ => return None,
+        };
+        let vector: [f64; 3] = std::array::from_fn(|k| given.get(k).map_or(0.0, |component| component.value));
+        let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+        Some(vector.map(|x| x / length))
+    }
+
     /// The set it acts on, if it acts on one.
     pub fn set(&self) -> Option<&SetName> {
         match self {
@@ -209,8 +277,8 @@ impl Condition {
             Condition::DistributedLoad(condition) => Some(&condition.set),
             Condition::LineLoad(condition) => Some(&condition.set),
             Condition::Pressure(condition) => Some(&condition.set),
-            Condition::Symmetry(_)
-            | Condition::RigidWall(_)
+            Condition::Symmetry(condition) => condition.set.as_ref(),
+            Condition::RigidWall(_)
             | Condition::SimplySupported(_)
             | Condition::Clamped(_)
             | Condition::PointLoad(_)
@@ -248,12 +316,13 @@ impl Condition {
             Condition::LineLoad(condition) => condition.name.as_ref(),
             Condition::Pressure(condition) => condition.name.as_ref(),
             Condition::Moment(condition) => condition.name.as_ref(),
+            Condition::Symmetry(condition) => condition.name.as_ref(),
             _ => None,
         };
         match (given, self.set(), self) {
             (Some(name), ..) => name.value.clone(),
             (None, Some(set), _) => format!("{}_{}", self.name(), set.value),
-            (None, None, Condition::Symmetry(plane)) => format!("symmetry_{}", plane.normal.name()),
+            (None, None, Condition::Symmetry(plane)) => format!("symmetry_{}", plane.axis().map_or("", |axis| axis.name())),
             (None, None, Condition::SimplySupported(edge) | Condition::Clamped(edge)) => {
                 format!("{}_{}", self.name(), edge.normal.name())
             }
@@ -302,7 +371,72 @@ pub(super) fn check_normal(axis: usize, span: crate::deck::Span, cx: &mut Contex
 }
 
 fn check_symmetry(plane: &Symmetry, cx: &mut Context) {
-    check_normal(plane.normal.index(), plane.normal.span, cx);
+    match &plane.normal.value {
+        PlaneNormal::Axis(axis) => {
+            check_normal(axis.index(), plane.normal.span, cx);
+            if let Some(set) = &plane.set {
+                let message = "a plane normal to an axis lies beside the points, which have mirror images behind it: it has no set";
+                cx.fault(set.span, message, "remove `set`, or give `normal` as a vector");
+            }
+        }
+        PlaneNormal::Vector(normal) => {
+            check_direction(normal, plane.normal.span, "normal", cx);
+            if plane.set.is_none() {
+                let message = "a plane whose normal is a vector needs the `set` of points that lie in it";
+                cx.fault(plane.normal.span, message, "give `set`, or `normal: x`, `y` or `z`");
+            }
+        }
+    }
+}
+
+/// A direction has as many components as the body has dimensions, and some length.
+fn check_direction(direction: &[Quantity<Number>], span: crate::deck::Span, key: &str, cx: &mut Context) {
+    if cx.thin {
+        cx.fault(span, format!("`{key}` as a vector is for solids"), "hold components along the axes");
+        return;
+    }
+    let given = direction.len();
+    if let Some(dimension) = cx.dimension.filter(|dimension| *dimension != given) {
+        cx.fault(
+            span,
+            format!("`{key}` has {given} components, but the body has dimension {dimension}"),
+            "give as many as the body has dimensions",
+        );
+    } else if direction.iter().all(|component| component.value == 0.0) {
+        cx.fault(span, format!("`{key}` has no direction"), "write for example `[1, 1, 0]`");
+    }
+}
+
+macro_rules! held {
+    ($($check:ident: $type:ty;)*) => {$(
+        fn $check(condition: &$type, cx: &mut Context) {
+            let spans = [&condition.x, &condition.y, &condition.z].map(|component| component.as_ref().map(|field| field.span));
+            for (axis, span) in spans.into_iter().enumerate() {
+                if let Some(span) = span {
+                    check_axis(axis, span, cx);
+                }
+            }
+            match (&condition.direction, &condition.along) {
+                (Some(direction), _) => {
+                    let place = direction.first().map_or(condition.span, |component| component.span);
+                    check_direction(direction, place, "direction", cx);
+                    if let Some(span) = spans.into_iter().flatten().next() {
+                        cx.fault(span, "components along the axes go with no `direction`", "write two conditions");
+                    }
+                }
+                (None, Some(along)) => cx.fault(along.span, "`along` needs a `direction`", "write for example `direction: [1, 1]`"),
+                (None, None) if spans == [None; 3] => {
+                    cx.fault(condition.span, "no component is given", "give at least one of `x`, `y`, `z`, or `direction`");
+                }
+                (None, None) => {}
+            }
+        }
+    )*};
+}
+
+held! {
+    check_displacement: DisplacementCondition;
+    check_velocity: VelocityCondition;
 }
 
 macro_rules! needs_component {
@@ -322,8 +456,6 @@ macro_rules! needs_component {
 }
 
 needs_component! {
-    check_displacement: DisplacementCondition;
-    check_velocity: VelocityCondition;
     check_force_density: ForceDensityCondition;
     check_traction: TractionCondition;
     check_initial_velocity: InitialVelocity;

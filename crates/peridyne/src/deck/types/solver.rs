@@ -38,7 +38,7 @@ section! {
 
 section! {
     /// Equilibrium by Newton's method; `t` in expressions is the load, from 0 to `end`.
-    pub struct Statics as "a statics solver" {
+    pub struct Statics as "a statics solver" check check_statics {
         /// Load at which the run ends.
         end: Quantity<Time> where POSITIVE = "1",
         /// Number of equal load steps.
@@ -65,6 +65,9 @@ choice! {
         Load = "load",
         /// The arc length of the path of equilibria (Riks), through limit points, until the load reaches `end`.
         ArcLength(ArcLengthControl) = "arc_length",
+        /// The load at which the next bond breaks, up and down, until none breaks below `end`: every bond at its threshold. For `linear: true` and
+        /// loads in proportion to `t`.
+        Breaking = "breaking",
         /// The mean displacement of a set of points; the load follows, `end` tells its order of magnitude.
         Displacement(DisplacementControl) = "displacement",
     }
@@ -143,6 +146,21 @@ section! {
         tolerance: Quantity<Number> where POSITIVE = "1e-6",
         /// Steps before a load step is given up.
         max_steps: Count where POSITIVE = "100000",
+    }
+}
+
+fn check_statics(solver: &Statics, cx: &mut Context) {
+    if !matches!(solver.control, StaticControl::Breaking) {
+        return;
+    }
+    if cx.thin {
+        cx.fault(solver.span, "`control: breaking` is for solids", "use `control: load` or `displacement`");
+    } else if !solver.linear {
+        cx.fault(
+            solver.span,
+            "`control: breaking` finds loads by proportion, which needs `linear: true`",
+            "add `linear: true`, or use `control: load`",
+        );
     }
 }
 
