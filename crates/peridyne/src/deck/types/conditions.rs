@@ -162,6 +162,8 @@ impl Axis {
 section! {
     /// A plane of mirror symmetry: the body is the half on one side of it.
     pub struct Symmetry as "a symmetry plane" check check_symmetry {
+        /// Name in histories; the kind and the normal if not given.
+        name: Option<Text>,
         /// The axis the plane is normal to.
         normal: Spanned<Axis>,
         /// Where the plane cuts that axis.
@@ -241,6 +243,7 @@ impl Condition {
             Condition::ForceDensity(condition) => condition.name.as_ref(),
             Condition::Traction(condition) => condition.name.as_ref(),
             Condition::RigidWall(condition) => condition.name.as_ref(),
+            Condition::Symmetry(condition) => condition.name.as_ref(),
             Condition::SimplySupported(condition) | Condition::Clamped(condition) => condition.name.as_ref(),
             Condition::Pin(condition) => condition.name.as_ref(),
             Condition::PointLoad(condition) => condition.name.as_ref(),
