@@ -43,7 +43,7 @@ use crate::pairs::{Law, Pair};
 use crate::plate::{Limit, limit_angles};
 use crate::stencil::Ends;
 use crate::surface::{Form, Grid, Surface};
-use crate::weights::{Influence, bounded_correction};
+use crate::weights::{Influence, fourth_moment_correction};
 use rayon::prelude::*;
 
 /// A constant of all points, or of each its own.
@@ -281,8 +281,8 @@ fn correct(directions: &[[f64; 2]], lengths: &[f64], weight: &mut [f64], wanted:
         return (false, false);
     }
     let a: Vec<f64> = weight.iter().zip(lengths).map(|(w, l)| w * l * l).collect();
-    let correction = bounded_correction(directions, &a, LEAST_FACTOR);
-    let use_it = correction.feasible && correction.least >= LEAST_FACTOR * (1.0 - 1e-12);
+    let correction = fourth_moment_correction(directions, &a);
+    let use_it = correction.feasible && correction.least >= LEAST_FACTOR;
     if use_it {
         weight.iter_mut().zip(&correction.factors).for_each(|(w, s)| *w *= s);
     }

@@ -40,35 +40,16 @@ pub struct Correction {
 /// The fourth-moment correction: factors `s_j = 1 + q_j·λ` that make `Σ A_j s_j n n n n` isotropic, `A_j = ω_j V_j ξ_j²`, `q = (c⁴, c³s, c²s²,
 /// cs³, s⁴)`. The energy of every uniform curvature, and of every uniform strain, is then exact.
 pub fn fourth_moment_correction(directions: &[[f64; 2]], a: &[f64]) -> Correction {
-    clamped_correction(directions, a, &[])
-}
-
-/// The same with no factor below `least`, for families of few points: those that would be smaller are that, and the others make up for it,
-/// until no more are or the moments cannot be reached.
-pub fn bounded_correction(directions: &[[f64; 2]], a: &[f64], least: f64) -> Correction {
-    let mut clamped: Vec<Option<f64>> = vec![None; a.len()];
-    loop {
-        let correction = clamped_correction(directions, a, &clamped);
-        if !correction.feasible || correction.least >= least {
-            return correction;
-        }
-        clamped.iter_mut().zip(&correction.factors).filter(|(_, s)| **s < least).for_each(|(c, _)| *c = Some(least));
-    }
-}
-
-/// With the factors of some weights given.
-fn clamped_correction(directions: &[[f64; 2]], a: &[f64], clamped: &[Option<f64>]) -> Correction {
-    let given = |j: usize| clamped.get(j).copied().flatten();
     let q: Vec<[f64; 5]> = directions.iter().map(|[c, s]| [c.powi(4), c.powi(3) * s, c * c * s * s, c * s.powi(3), s.powi(4)]).collect();
     let total: f64 = a.iter().sum();
     let mut matrix = vec![0.0; 25];
     let mut target = [3.0 / 8.0, 0.0, 1.0 / 8.0, 0.0, 3.0 / 8.0].map(|x| x * total);
     let wanted = target;
-    for (j, (q, a)) in q.iter().zip(a).enumerate() {
+    for (q, a) in q.iter().zip(a) {
         for i in 0..5 {
-            target[i] -= given(j).unwrap_or(1.0) * a * q[i];
-            if given(j).is_none() {
-                (0..5).for_each(|k| matrix[i * 5 + k] += a * q[i] * q[k]);
+            target[i] -= a * q[i];
+            for j in 0..5 {
+                matrix[i * 5 + j] += a * q[i] * q[j];
             }
         }
     }
@@ -82,8 +63,7 @@ fn clamped_correction(directions: &[[f64; 2]], a: &[f64], clamped: &[Option<f64>
             (0..5).for_each(|i| lambda[i] += vectors[i * 5 + k] * share);
         }
     }
-    let factor = |(j, q): (usize, &[f64; 5])| given(j).unwrap_or_else(|| 1.0 + (0..5).map(|i| q[i] * lambda[i]).sum::<f64>());
-    let factors: Vec<f64> = q.iter().enumerate().map(factor).collect();
+    let factors: Vec<f64> = q.iter().map(|q| 1.0 + (0..5).map(|i| q[i] * lambda[i]).sum::<f64>()).collect();
     let mut reached = [0.0; 5];
     for ((q, a), s) in q.iter().zip(a).zip(&factors) {
         (0..5).for_each(|i| reached[i] += a * s * q[i]);
