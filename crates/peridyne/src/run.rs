@@ -753,7 +753,8 @@ impl<'a> Recorder<'a> {
             let shown = Shown { name: &label, unit: unit.as_deref(), values: &shown };
             let picture = match &self.problem.surface {
                 Some(surface) if surface.dimension == 2 => {
-                    picture::draw_surface(&body, &surface.triangles, &surface.normals, &shown, &options)?
+                    let whole = untorn(&surface.triangles, &self.reference, displacement, &model.field(FieldName::Damage, t, u, v));
+                    picture::draw_surface(&body, &whole, &surface.normals, &shown, &options)?
                 }
                 _ => picture::draw(&body, &shown, &options)?,
             };
@@ -902,6 +903,19 @@ fn next_after(due: f64, interval: f64, t: f64, start: f64) -> f64 {
 
 fn vectors(flat: &[f64]) -> Vec<[f64; 3]> {
     flat.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect()
+}
+
+/// The triangles that no crack has torn: those whose corners are not all damaged, or none of whose edges has opened by a fiftieth.
+fn untorn(triangles: &[[u32; 3]], reference: &[[f64; 3]], displacement: &[[f64; 3]], damage: &[f64]) -> Vec<[u32; 3]> {
+    let length = |x: [f64; 3]| x.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let open = |a: u32, b: u32| {
+        let (a, b) = (a as usize, b as usize);
+        let before: [f64; 3] = std::array::from_fn(|k| reference[b][k] - reference[a][k]);
+        let now: [f64; 3] = std::array::from_fn(|k| before[k] + displacement[b][k] - displacement[a][k]);
+        length(now) > 1.02 * length(before)
+    };
+    let whole = |t: &&[u32; 3]| t.iter().any(|&q| damage[q as usize] < 0.2) || !(0..3).any(|k| open(t[k], t[(k + 1) % 3]));
+    triangles.iter().filter(whole).copied().collect()
 }
 
 fn values(name: FieldName, flat: Vec<f64>) -> FieldValues {

@@ -12,7 +12,7 @@ use thin::angle::{Kinematics, Potential};
 use thin::beam::Beam;
 use thin::body::Thin;
 use thin::layout::{Layout, Mirror, Parity};
-use thin::loads::{Action, Condition as Load, couple, spread};
+use thin::loads::{Action, Condition as Load, Follow, couple, spread};
 use thin::pairs::Law;
 use thin::plate::{IsotropicWeight, Limit, Plate};
 use thin::section::{ArmTable, Properties, Section, Weighting};
@@ -558,7 +558,11 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
             Condition::Pressure(l) => {
                 let f = l.value.clone();
                 if let Some(surface) = &problem.surface {
-                    out.push(Load::pressure(&name, surface, points, move |x, t| f.eval(x, t)));
+                    let load = Load::pressure(&name, surface, points, move |x, t| f.eval(x, t));
+                    out.push(if l.follow { load.following(faces(problem, l.span)?) } else { load });
+                } else if l.follow {
+                    let help = "make the body a `surface` with the model `shell`";
+                    return Err(vec![Issue::new(l.span, "a pressure follows shells only", help)]);
                 } else {
                     let weights = points.iter().map(|&p| body.measure()[p as usize]).collect();
                     let mut components = [None, None, None];
@@ -594,6 +598,31 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
         return Err(vec![Issue::new(temperature.span, "beams and plates know no temperature", "remove `temperature`")]);
     }
     Ok(out)
+}
+
+/// Triangles of all surfaces and edges of all curves, for a pressure that follows them.
+fn faces(problem: &Problem, span: Span) -> Checked<Follow> {
+    if let Some(deck::Solver::Statics(deck::Statics { linear: true, .. })) = Some(&problem.deck.solver) {
+        return Err(vec![Issue::new(span, "a linear solution does not move the pressure", "remove `linear: true` or `follow: true`")]);
+    }
+    let mut follow = Follow::default();
+    for part in &problem.parts {
+        let (s, first) = (&part.surface, part.first as u32);
+        let n = s.len() as u32;
+        if s.dimension == 1 {
+            let x = |p: u32| s.positions[p as usize];
+            let gap = |a: u32, b: u32| (0..3).map(|k| (x(a)[k] - x(b)[k]).powi(2)).sum::<f64>().sqrt();
+            follow.edges.extend((1..n).map(|p| [first + p - 1, first + p]));
+            if n > 4 && gap(0, n - 1) <= 1.5 * gap(0, 1) {
+                follow.edges.push([first + n - 1, first]);
+            }
+        } else if s.triangles.is_empty() {
+            let message = format!("the surface `{}` has no triangles, which a pressure could follow", part.name);
+            return Err(vec![Issue::new(span, message, "give a shape or a mesh, or remove `follow: true`")]);
+        }
+        follow.faces.extend(s.triangles.iter().map(|t| t.map(|p| p + first)));
+    }
+    Ok(follow)
 }
 
 /// Trapezoidal lengths of points along the row they lie in.

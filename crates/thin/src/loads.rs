@@ -13,11 +13,51 @@ pub enum Action {
         /// Weights, one per point: areas or lengths for a pressure or line load, shares for a resultant.
         weights: Vec<f64>,
     },
-    /// A pressure that keeps the direction of the reference normals: the first component of the condition times an area vector per point.
+    /// A pressure: the first component of the condition times an area vector per point.
     Pressure {
-        /// Normal times area (length²), one per point.
+        /// Normal times area (length²), one per point, in the reference.
         vectors: Vec<[f64; 3]>,
+        /// What turns and stretches with the body and takes the area vectors along; `None`: they stay those of the reference.
+        follow: Option<Follow>,
     },
+}
+
+/// The faces of a surface, or the edges of a curve, that a pressure follows. An area vector changes by that of the faces about its point, a third
+/// each (of edges a half).
+#[derive(Clone, Debug, Default)]
+pub struct Follow {
+    /// Triangles, of points of the body.
+    pub faces: Vec<[u32; 3]>,
+    /// Edges of curves in the plane of the first two coordinates.
+    pub edges: Vec<[u32; 2]>,
+}
+
+impl Follow {
+    /// Calls for each point of a face with the change of its area vector, for places of the points now and in the reference; `vectors`, by
+    /// point, tell the side.
+    pub(crate) fn changes(
+        &self,
+        reference: &[[f64; 3]],
+        vectors: impl Fn(u32) -> [f64; 3],
+        now: impl Fn(u32) -> [f64; 3],
+        mut each: impl FnMut(u32, [f64; 3]),
+    ) {
+        use crate::frame::{add_scaled, cross, dot, sub};
+        let area = |x: [[f64; 3]; 3]| cross(&sub(&x[1], &x[0]), &sub(&x[2], &x[0])).map(|c| c / 6.0);
+        for face in &self.faces {
+            let before = area(face.map(|p| reference[p as usize]));
+            let side = face.iter().map(|p| dot(&before, &vectors(*p))).sum::<f64>().signum();
+            let change = add_scaled(&area(face.map(&now)), -1.0, &before).map(|c| side * c);
+            face.iter().for_each(|p| each(*p, change));
+        }
+        let half = |x: [[f64; 3]; 2]| [0.5 * (x[1][1] - x[0][1]), 0.5 * (x[0][0] - x[1][0]), 0.0];
+        for edge in &self.edges {
+            let before = half(edge.map(|p| reference[p as usize]));
+            let side = edge.iter().map(|p| dot(&before, &vectors(*p))).sum::<f64>().signum();
+            let change = add_scaled(&half(edge.map(&now)), -1.0, &before).map(|c| side * c);
+            edge.iter().for_each(|p| each(*p, change));
+        }
+    }
 }
 
 /// A condition on a set of points.
@@ -68,7 +108,21 @@ impl Condition {
     ) -> Self {
         let all = surface.area_vectors();
         let vectors = points.iter().map(|&p| all[p as usize]).collect();
-        Self::new(name, Action::Pressure { vectors }, points, 0, value)
+        Self::new(name, Action::Pressure { vectors, follow: None }, points, 0, value)
+    }
+
+    /// The same pressure, following the body: along its normals as they are, on its area as it is.
+    #[must_use]
+    pub fn following(mut self, what: Follow) -> Self {
+        if let Action::Pressure { follow, .. } = &mut self.action {
+            *follow = Some(what);
+        }
+        self
+    }
+
+    /// Whether its forces depend on the displacements.
+    pub(crate) fn follows(&self) -> bool {
+        matches!(&self.action, Action::Pressure { follow: Some(_), .. })
     }
 
     /// Whether it prescribes motion.
@@ -76,21 +130,38 @@ impl Condition {
         matches!(self.action, Action::Displacement | Action::Mean)
     }
 
-    /// Force on each of its points at a load parameter or time; none where it prescribes motion.
-    pub(crate) fn forces<const D: usize>(&self, positions: &[[f64; 3]], t: f64, mut each: impl FnMut(u32, [f64; D])) {
+    /// Force on each of its points at a load parameter or time; none where it prescribes motion. `now`: where the points are; `None`: a body
+    /// that has not moved.
+    pub(crate) fn forces<const D: usize>(
+        &self,
+        positions: &[[f64; 3]],
+        t: f64,
+        now: Option<&dyn Fn(u32) -> [f64; 3]>,
+        mut each: impl FnMut(u32, [f64; D]),
+    ) {
         match &self.action {
             Action::Force { weights } => {
                 for (&p, w) in self.points.iter().zip(weights) {
                     each(p, std::array::from_fn(|k| self.components[k].as_ref().map_or(0.0, |v| w * v(positions[p as usize], t))));
                 }
             }
-            Action::Pressure { vectors } => {
+            Action::Pressure { vectors, follow } => {
                 let Some(value) = &self.components[0] else { return };
                 for (&p, a) in self.points.iter().zip(vectors) {
                     let pressure = value(positions[p as usize], t);
                     // across a flat body: all of it
                     let across = (0..3).fold(0.0f64, |m, k| if a[k].abs() > m.abs() { a[k] } else { m });
                     each(p, if D == 1 { [pressure * across; D] } else { std::array::from_fn(|k| pressure * a[k]) });
+                }
+                if let (Some(follow), Some(now)) = (follow, now) {
+                    let place: std::collections::HashMap<u32, usize> = self.points.iter().enumerate().map(|(k, p)| (*p, k)).collect();
+                    let vector = |p: u32| place.get(&p).map_or([0.0; 3], |k| vectors[*k]);
+                    follow.changes(positions, vector, now, |p, change| {
+                        if place.contains_key(&p) {
+                            let pressure = value(positions[p as usize], t);
+                            each(p, std::array::from_fn(|k| pressure * change[k]));
+                        }
+                    });
                 }
             }
             Action::Displacement | Action::Mean => {}

@@ -136,7 +136,7 @@ impl<const D: usize> ThinStructure<D> {
                         let (expected, found) = (condition.points.len(), weights.len());
                         return Err(ThinError::Length { what: "weights of a load", expected, found });
                     }
-                    Action::Pressure { vectors } if vectors.len() != condition.points.len() => {
+                    Action::Pressure { vectors, .. } if vectors.len() != condition.points.len() => {
                         let (expected, found) = (condition.points.len(), vectors.len());
                         return Err(ThinError::Length { what: "area vectors of a pressure", expected, found });
                     }
@@ -212,19 +212,28 @@ impl<const D: usize> ThinStructure<D> {
         (0..self.body.points() as u32).flat_map(|p| self.body.ends().value(p, u)).collect()
     }
 
-    /// Adds the external forces of conditions (all, or one).
-    fn add_external(&self, only: Option<usize>, t: f64, force: &mut [f64]) {
-        for (c, condition) in self.conditions.iter().enumerate() {
-            if only.is_some_and(|o| o != c) {
-                continue;
-            }
-            condition.forces::<D>(&self.body.layout().positions, t, |p, f| self.body.ends().scatter(p, &f, force, 0));
+    /// Adds the external forces of all conditions, on the body at displacement `u`, or where it was.
+    fn add_external(&self, t: f64, u: Option<&[f64]>, force: &mut [f64]) {
+        let now = u.map(|u| self.places(u));
+        let now = now.as_ref().map(|n| n as &dyn Fn(u32) -> [f64; 3]);
+        for condition in &self.conditions {
+            condition.forces::<D>(&self.body.layout().positions, t, now, |p, f| self.body.ends().scatter(p, &f, force, 0));
+        }
+    }
+
+    /// Where points are at a displacement.
+    fn places<'u>(&'u self, u: &'u [f64]) -> impl Fn(u32) -> [f64; 3] + 'u {
+        move |p| {
+            let mut x = self.body.layout().positions[p as usize];
+            let moved = self.spatial(&self.body.ends().value(p, u));
+            (0..3).for_each(|k| x[k] += moved[k]);
+            x
         }
     }
 
     /// Adds all external forces.
     pub(crate) fn external(&self, t: f64, force: &mut [f64]) {
-        self.add_external(None, t, force);
+        self.add_external(t, None, force);
     }
 
     /// Internal and external forces; returns the norm of the external ones.
@@ -232,7 +241,7 @@ impl<const D: usize> ThinStructure<D> {
         self.body.force(u, f);
         self.evaluations.0 += 1;
         let mut external = vec![0.0; f.len()];
-        self.add_external(None, t, &mut external);
+        self.add_external(t, Some(u), &mut external);
         for (f, e) in f.iter_mut().zip(&external) {
             *f += e;
         }
@@ -275,7 +284,7 @@ impl<const D: usize> ThinStructure<D> {
 
     fn add_work(&mut self, t: f64, u: &[f64], force: &[f64]) {
         let mut driving = vec![0.0; u.len()];
-        self.add_external(None, t, &mut driving);
+        self.add_external(t, Some(u), &mut driving);
         for &(dof, _) in &self.prescribed {
             driving[dof as usize] -= force[dof as usize];
         }
@@ -306,7 +315,9 @@ impl<const D: usize> ThinStructure<D> {
                 out[dof as usize % D] -= f[dof as usize];
             }
         } else {
-            self.conditions[condition].forces::<D>(&self.body.layout().positions, t, |_, f| (0..D).for_each(|k| out[k] += f[k]));
+            let now = self.places(u);
+            let add = |_: u32, f: [f64; D]| (0..D).for_each(|k| out[k] += f[k]);
+            self.conditions[condition].forces::<D>(&self.body.layout().positions, t, Some(&now), add);
         }
         self.scratch = f;
         out
@@ -375,8 +386,12 @@ impl<const D: usize> Statics for ThinStructure<D> {
         Ok(())
     }
     fn energy(&mut self, t: f64, u: &[f64]) -> Option<f64> {
+        if self.conditions.iter().any(Condition::follows) {
+            // a load that follows has a potential only where its edges are held
+            return None;
+        }
         let mut external = vec![0.0; u.len()];
-        self.add_external(None, t, &mut external);
+        self.add_external(t, None, &mut external);
         let load = ordered_sum(u.len(), |q| external[q] * u[q]);
         Some(self.body.energy(u) - load)
     }

@@ -692,6 +692,22 @@ impl Scene<'_> {
                 corners.push(t.map(|q| center[q]));
                 of.push(t);
             }
+            // points of no triangle, those of beams: beads that face the viewer, before the surface they lie in
+            let mut bare = vec![true; center.len()];
+            of.iter().flatten().for_each(|&q| bare[q] = false);
+            for i in self.blocks.drawn().filter(|&i| bare[i] && !normals.is_empty()) {
+                const SIDES: usize = 12;
+                let radius = 0.45 * self.body.edge[i];
+                let middle: [f64; 3] = std::array::from_fn(|r| center[i][r] + 0.3 * radius * near[r]);
+                let rim = |k: usize| -> [f64; 3] {
+                    let (s, c) = (std::f64::consts::TAU * k as f64 / SIDES as f64).sin_cos();
+                    std::array::from_fn(|r| middle[r] + radius * (c * right[r] + s * up[r]))
+                };
+                for k in 0..SIDES {
+                    corners.push([middle, rim(k), rim(k + 1)]);
+                    of.push([i; 3]);
+                }
+            }
         }
         // light of each point: the mean of its triangles, so that a smooth surface looks smooth
         let mut facing = vec![[0.0; 3]; center.len()];

@@ -173,14 +173,14 @@ section! {
     /// A plane of mirror symmetry: the body is the half on one side of it. Across a plane normal to an axis families are completed by mirror
     /// images; in a plane of any other direction the points of a set are held, and families end there.
     pub struct Symmetry as "a symmetry plane" check check_symmetry {
+        /// Name in histories; the kind and the normal if not given.
+        name: Option<Text>,
         /// The axis the plane is normal to, or (solids) its normal as a vector of any length.
         normal: Spanned<PlaneNormal>,
         /// Where the plane cuts that axis.
         at: Quantity<Length> = "0",
         /// The points in a plane whose normal is a vector: they move within it.
         set: Option<SetName>,
-        /// Name in reactions of a plane whose normal is a vector.
-        name: Option<Text>,
     }
 }
 
@@ -309,6 +309,7 @@ impl Condition {
             Condition::ForceDensity(condition) => condition.name.as_ref(),
             Condition::Traction(condition) => condition.name.as_ref(),
             Condition::RigidWall(condition) => condition.name.as_ref(),
+            Condition::Symmetry(condition) => condition.name.as_ref(),
             Condition::SimplySupported(condition) | Condition::Clamped(condition) => condition.name.as_ref(),
             Condition::Pin(condition) => condition.name.as_ref(),
             Condition::PointLoad(condition) => condition.name.as_ref(),
@@ -316,7 +317,6 @@ impl Condition {
             Condition::LineLoad(condition) => condition.name.as_ref(),
             Condition::Pressure(condition) => condition.name.as_ref(),
             Condition::Moment(condition) => condition.name.as_ref(),
-            Condition::Symmetry(condition) => condition.name.as_ref(),
             _ => None,
         };
         match (given, self.set(), self) {

@@ -142,7 +142,7 @@ choice! {
 }
 
 section! {
-    /// A pressure, positive along the normals; its direction stays that of the reference.
+    /// A pressure, positive along the normals of the reference, or of the body as it moves.
     pub struct PressureLoad as "a pressure" {
         /// The points.
         set: SetName,
@@ -150,6 +150,9 @@ section! {
         name: Option<Text>,
         /// The pressure; of curves, a force per length.
         value: TimeField<Any>,
+        /// Whether it follows the normals and the area of the moving body, as that of a fluid. For surfaces with triangles, and curves; Newton's
+        /// tangent knows nothing of it, so take several load steps.
+        follow: bool = "false",
     }
 }
 
