@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Instructions per directed bond of a force evaluation of every model, counted by valgrind, beside those of instructions.txt: more than 3 % more fails,
-# and so does more than 3 % less, until the file says so. Valgrind has no AVX-512: the portable lanes are counted.
+# and so does more than 3 % less, until the file says so. Valgrind has no AVX-512: lanes of AVX2 are counted.
 #
 #   benches/instructions.sh            compare
 #   benches/instructions.sh --write    write instructions.txt anew
@@ -29,7 +29,7 @@ while IFS=$'\t' read -r number name; do
 done <"$work/models"
 
 if [ "${1:-}" = --write ]; then
-    { echo "# instructions per directed bond of a force evaluation, portable lanes; written by benches/instructions.sh --write"; cat "$work/now"; } >"$file"
+    { echo "# instructions per directed bond of a force evaluation, lanes of AVX2; written by benches/instructions.sh --write"; cat "$work/now"; } >"$file"
     cat "$file"
     exit 0
 fi

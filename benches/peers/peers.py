@@ -84,11 +84,13 @@ def main():
     print(f"{' x '.join(map(str, options.cells))} points, {n} directed bonds, {options.steps} steps, {options.rounds} rounds, one core")
     times = {pair: ([], []) for pair in PAIRS}
     with tempfile.TemporaryDirectory() as folder:
-        for _ in range(options.rounds):
+        for k in range(options.rounds):
             for run, style in PAIRS:
                 a, b = times[run, style]
                 a.append(ours(options, run, folder))
                 b.append(theirs(options, style, folder))
+            ratios = ", ".join(f"{run} {b[-1] / a[-1]:.2f}" for (run, _), (a, b) in times.items())
+            print(f"   round {k + 1}: {ratios}", file=sys.stderr)
     print(f"{'Peridyne':16} {'LAMMPS':10} {'ns per directed bond and step: Peridyne':>42} {'LAMMPS':>24} {'ratio of the rounds':>26}")
     for run, style in PAIRS:
         a, b = times[run, style]

@@ -7,6 +7,8 @@ mod decks;
 use solvers::problem::Dynamics;
 
 fn main() {
+    // what valgrind knows, whatever the machine has
+    physics::lanes::limit(physics::lanes::Instructions::Avx2);
     let arguments: Vec<usize> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
     let &[number, evaluations] = arguments.as_slice() else {
         for (k, m) in decks::MODELS.iter().enumerate() {

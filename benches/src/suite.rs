@@ -2,16 +2,17 @@
 //! size of the body; and set-up.
 //!
 //! ```text
-//! cargo run --release -p peridyne-benches --bin suite [-- [--quick] [--large] [--csv FILE] [--only NAME]]
+//! cargo run --release -p peridyne-benches --bin suite [-- [--quick] [--large] [--csv FILE] [--only NAME] [--lanes portable|avx2|avx512]]
 //! ```
 //!
-//! `--quick`: small blocks, three rounds. `--large`: growth up to 10⁷ points (20 GB). Rounds are interleaved: each runs every model once, and what is
+//! `--lanes`: nothing wider, to see what older processors would do. `--quick`: small blocks, three rounds. `--large`: growth up to 10⁷ points (20 GB). Rounds are interleaved: each runs every model once, and what is
 //! printed is the median over rounds with least and most.
 
 mod decks;
 
 use bodies::structure::Simulated;
 use decks::{Block, MODELS, Model, STEP, block};
+use physics::lanes::{Instructions, limit};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use solvers::observe::{Observer, StepReport};
@@ -28,6 +29,15 @@ fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let has = |name: &str| arguments.iter().any(|a| a == name);
     let value = |name: &str| arguments.iter().position(|a| a == name).and_then(|k| arguments.get(k + 1)).cloned();
+    match value("--lanes").as_deref() {
+        None | Some("avx512") => {}
+        Some("avx2") => limit(Instructions::Avx2),
+        Some("portable") => limit(Instructions::Portable),
+        Some(other) => {
+            eprintln!("no lanes `{other}`; there are portable, avx2, avx512");
+            std::process::exit(2);
+        }
+    }
     let (quick, only) = (has("--quick"), value("--only"));
     let rounds = if quick { 3 } else { 7 };
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get()).min(2);

@@ -4,12 +4,15 @@
 //! images), every part adds the forces of its families, and what landed on halos comes back in a fixed order. The number
 //! of chunks depends on the body only, so results are the same bit for bit on any number of threads.
 
-use crate::chunk::{Chunk, Link, Rows};
+use crate::chunk::{Chunk, Link, MOST_LOCAL, Rows};
 use crate::lattice::LatticePoints;
 use crate::part::{Part, SEEDS};
 use physics::scalar::{Dual, Jet, ROW, SPARE_WORD, Scalar};
 use physics::tensor::Matrix;
 use rayon::prelude::*;
+
+/// Most neighbours of a point: a chunk of two points must be able to number them all.
+pub const MOST_NEIGHBORS: usize = MOST_LOCAL / 2 - 1;
 
 /// Points per chunk: large enough that halos stay small, small enough to occupy the threads of a small problem.
 const CHUNK_POINTS: std::ops::RangeInclusive<usize> = 256..=8192;
@@ -21,7 +24,7 @@ struct Inflow {
     /// Chunk whose halo holds them.
     source: u32,
     /// Local index there, owned local index here, reflected components.
-    pairs: Vec<(u32, u32, u8)>,
+    pairs: Vec<(u16, u16, u8)>,
 }
 
 impl Inflow {
@@ -85,20 +88,31 @@ pub struct Body<const D: usize> {
 impl<const D: usize> Body<D> {
     /// Cuts the points into chunks and builds their arrays. `links` gives the family of a point (sorted index). The bonds store their
     /// influence where it is `weighted`, and their place in as many `sub_horizons`.
+    ///
+    /// # Panics
+    /// If a family has more than [`MOST_NEIGHBORS`] points.
     pub fn new(g: &Geometry, weighted: bool, sub_horizons: usize, links: impl Fn(usize, &mut Vec<Link>) + Sync) -> Self {
         let points = g.position.len();
-        let chunk_points = points.div_ceil(CHUNKS).clamp(*CHUNK_POINTS.start(), *CHUNK_POINTS.end());
-        let chunks: Vec<Chunk<D>> = (0..points.div_ceil(chunk_points))
-            .into_par_iter()
-            .map_init(
-                || vec![u32::MAX; points],
-                |seen, k| {
-                    let first = k * chunk_points;
-                    let owned = chunk_points.min(points - first);
-                    Chunk::new(first, owned, g.position, g.volume, g.horizon, weighted, sub_horizons, &links, seen)
-                },
-            )
-            .collect();
+        let mut chunk_points = points.div_ceil(CHUNKS).clamp(*CHUNK_POINTS.start(), *CHUNK_POINTS.end());
+        let chunks: Vec<Chunk<D>> = loop {
+            let made: Option<_> = (0..points.div_ceil(chunk_points))
+                .into_par_iter()
+                .map_init(
+                    || vec![u32::MAX; points],
+                    |seen, k| {
+                        let first = k * chunk_points;
+                        let owned = chunk_points.min(points - first);
+                        Chunk::new(first, owned, g.position, g.volume, g.horizon, weighted, sub_horizons, &links, seen)
+                    },
+                )
+                .collect();
+            match made {
+                Some(chunks) => break chunks,
+                // families so large that a chunk and its halo outgrow their numbers
+                None => chunk_points = chunk_points.div_ceil(2),
+            }
+            assert!(chunk_points > 1, "a family of more than {MOST_NEIGHBORS} points");
+        };
         let mut inflow: Vec<Vec<Inflow>> = (0..chunks.len()).map(|_| vec![]).collect();
         for (s, c) in chunks.iter().enumerate() {
             for l in c.owned..c.points.len() {
@@ -107,8 +121,8 @@ impl<const D: usize> Body<D> {
                 if inflow[target].last().is_none_or(|i| i.source != s as u32) {
                     inflow[target].push(Inflow { source: s as u32, pairs: vec![] });
                 }
-                let place = (p - target * chunk_points) as u32;
-                inflow[target].last_mut().expect("just pushed").pairs.push((l as u32, place, c.flips[l]));
+                let place = (p - target * chunk_points) as u16;
+                inflow[target].last_mut().expect("just pushed").pairs.push((l as u16, place, c.flips[l]));
             }
         }
         let mut chunks = chunks;
@@ -151,7 +165,7 @@ impl<const D: usize> Body<D> {
     /// Bytes of bonds, points, and shapes with constants.
     pub fn bytes(&self) -> (usize, usize, usize) {
         let (b, p) = self.chunks.iter().map(Chunk::bytes).fold((0, 0), |a, c| (a.0 + c.0, a.1 + c.1));
-        let exchange: usize = self.inflow.iter().flatten().map(|i| i.pairs.len() * 12).sum();
+        let exchange: usize = self.inflow.iter().flatten().map(|i| i.pairs.len() * 6).sum();
         (b, p + exchange + self.points * 32, self.parts.iter().map(|q| q.bytes()).sum())
     }
     /// What the shapes of each material had to do without, and in how many families.

@@ -44,15 +44,20 @@ impl Rows {
 }
 impl std::ops::Deref for Rows {
     type Target = [f64];
+    #[inline(always)]
     fn deref(&self) -> &[f64] {
         &self.data[self.offset..self.offset + self.length]
     }
 }
 impl std::ops::DerefMut for Rows {
+    #[inline(always)]
     fn deref_mut(&mut self) -> &mut [f64] {
         &mut self.data[self.offset..self.offset + self.length]
     }
 }
+
+/// Most local points of a chunk: their numbers have 16 bits.
+pub(crate) const MOST_LOCAL: usize = 1 << 16;
 
 /// The arrays of one chunk. Local points: the `owned` ones first, then the halo (other points, and mirror images).
 pub struct Chunk<const D: usize> {
@@ -69,7 +74,8 @@ pub struct Chunk<const D: usize> {
     pub(crate) start: Vec<u32>,
     /// Bonds of each owned point, broken ones included, padding not.
     pub(crate) count: Vec<u32>,
-    pub(crate) neighbor: Vec<u32>,
+    /// Local point of each bond slot: a chunk has fewer than 2¹⁶ local points.
+    pub(crate) neighbor: Vec<u16>,
     pub(crate) length: Vec<f64>,
     pub(crate) weight: Vec<f64>,
     pub(crate) intact: Vec<u8>,
@@ -92,7 +98,7 @@ pub struct Chunk<const D: usize> {
 
 impl<const D: usize> Chunk<D> {
     /// Builds the arrays of the points `first..first + owned`. `seen` maps sorted index to local index during the call: as
-    /// long as there are points, all `u32::MAX` before and after.
+    /// long as there are points, all `u32::MAX` before and after. `None` where there are more local points than 16 bits count.
     pub(crate) fn new(
         first: usize,
         owned: usize,
@@ -103,7 +109,7 @@ impl<const D: usize> Chunk<D> {
         sub_horizons: usize,
         links: impl Fn(usize, &mut Vec<Link>),
         seen: &mut [u32],
-    ) -> Self {
+    ) -> Option<Self> {
         let mut c = Chunk {
             first,
             owned,
@@ -139,6 +145,9 @@ impl<const D: usize> Chunk<D> {
         let mut family = vec![];
         let mut sets = vec![];
         for p in first..first + owned {
+            if c.points.len() > MOST_LOCAL {
+                break;
+            }
             family.clear();
             links(p, &mut family);
             c.count.push(family.len() as u32);
@@ -155,7 +164,7 @@ impl<const D: usize> Chunk<D> {
                     c.flips.push(link.flips);
                     ends.push(link.end);
                 }
-                c.neighbor.push(*known);
+                c.neighbor.push(*known as u16);
                 if weighted {
                     c.weight.push(link.weight);
                 }
@@ -180,13 +189,16 @@ impl<const D: usize> Chunk<D> {
             }
             c.start.push(slots as u32);
         }
+        for p in &c.points {
+            seen[*p as usize] = u32::MAX;
+        }
+        if c.points.len() > MOST_LOCAL {
+            return None;
+        }
         // from a byte a bond to a bit a bond and sub-horizon: the lanes of eight bonds then come as one byte
         c.membership = (0..sub_horizons)
             .flat_map(|k| sets.chunks(8).map(move |block: &[u8]| (0..8).fold(0, |m, l| m | (block[l] >> k & 1) << l)))
             .collect();
-        for p in &c.points {
-            seen[*p as usize] = u32::MAX;
-        }
         c.sort_halo(&mut ends);
         let mut coordinates = Vec::with_capacity(c.points.len() * ROW);
         for (l, p) in c.points.iter().enumerate() {
@@ -194,8 +206,8 @@ impl<const D: usize> Chunk<D> {
             row[..D].copy_from_slice(&ends[l][..D]);
             row[VOLUME_WORD] = volume[*p as usize];
             coordinates.extend(row);
-            c.horizon.push(horizon[*p as usize]);
         }
+        c.horizon = horizon[first..first + owned].to_vec();
         c.coordinates = Rows::of(&coordinates);
         c.neighbor.shrink_to_fit();
         c.weight.shrink_to_fit();
@@ -204,7 +216,7 @@ impl<const D: usize> Chunk<D> {
             c.store_lengths();
             c.make_rows();
         }
-        c
+        Some(c)
     }
 
     /// Rows for displacements and forces: where families are taken from a lattice not before something else asks for them.
@@ -235,7 +247,7 @@ impl<const D: usize> Chunk<D> {
             (self.points[new], self.flips[new], ends[new]) = (old.0[l as usize], old.1[l as usize], old.2[l as usize]);
         }
         for far in &mut self.neighbor {
-            *far = place[*far as usize];
+            *far = place[*far as usize] as u16;
         }
     }
 
@@ -342,12 +354,14 @@ impl<const D: usize> Chunk<D> {
     }
 
     /// The bond slots of owned point `i`, padding excluded.
+    #[inline]
     pub(crate) fn slots(&self, i: usize) -> std::ops::Range<usize> {
         let a = self.start[i] as usize;
         a..a + self.count[i] as usize
     }
 
     /// Whether a slot is intact.
+    #[inline]
     pub(crate) fn is_intact(&self, slot: usize) -> bool {
         physics::scalar::is_intact(&self.intact, slot)
     }
@@ -358,19 +372,21 @@ impl<const D: usize> Chunk<D> {
     }
 
     /// Reference bond vector of a slot of owned point `i`.
+    #[inline]
     pub(crate) fn xi(&self, i: usize, slot: usize) -> [f64; 3] {
         let (a, b) = (i * ROW, self.neighbor[slot] as usize * ROW);
         std::array::from_fn(|k| self.coordinates[b + k] - self.coordinates[a + k])
     }
 
     /// Volume of local point `l`.
+    #[inline]
     pub(crate) fn volume(&self, l: usize) -> f64 {
         self.coordinates[l * ROW + VOLUME_WORD]
     }
 
     /// Bytes held for bonds and for points.
     pub(crate) fn bytes(&self) -> (usize, usize) {
-        let bonds = self.neighbor.len() * 4
+        let bonds = self.neighbor.len() * 2
             + (self.length.len() + self.weight.len() + self.bond_memory.len()) * 8
             + self.intact.len()
             + self.membership.len();

@@ -159,16 +159,32 @@ impl<const D: usize> LatticePoints<D> {
     fn make_stencil(&mut self, c: &Chunk<D>, place: &Numbers<D>, reach: usize) -> Option<()> {
         let mut of_offset = vec![NOBODY; 2 * reach + 1];
         let planes = if c.neighbor.is_empty() { 0 } else { c.membership.len() / (c.neighbor.len() / 8) };
+        let plain = planes == 0 && c.weight.is_empty();
         let mut steps: Vec<[i64; D]> = vec![];
+        // one number for the place of a point, and so for the step of a bond: most bonds are compared by that alone
+        let folded = |x: [i64; D]| x.iter().fold(0i64, |sum, x| sum.wrapping_mul(1 << 20).wrapping_add(*x));
+        let folds: Vec<i64> = if place.of_point.iter().flatten().all(|x| x.abs() < 1 << 19) {
+            place.of_point.iter().map(|x| folded(*x)).collect()
+        } else {
+            vec![]
+        };
+        let mut step_folds: Vec<i64> = vec![];
         for i in 0..c.owned {
             for s in c.slots(i) {
                 let far = c.neighbor[s] as usize;
                 let offset = self.offset(i, far);
+                let known = &mut of_offset[(offset as i64 + reach as i64) as usize];
+                if plain && *known != NOBODY && !folds.is_empty() {
+                    if step_folds[*known as usize] != folds[far] - folds[i] {
+                        return None;
+                    }
+                    continue;
+                }
                 let step: [i64; D] = std::array::from_fn(|k| place.of_point[far][k] - place.of_point[i][k]);
                 let sets = (0..planes).fold(0, |sets, k| sets | (c.membership[k * c.neighbor.len() / 8 + s / 8] >> (s % 8) & 1) << k);
                 let weight = if c.weight.is_empty() { 1.0 } else { c.weight[s] };
-                let known = &mut of_offset[(offset as i64 + reach as i64) as usize];
                 if *known == NOBODY {
+                    step_folds.push(folded(step));
                     *known = self.stencil.len() as u32;
                     let xi: [f64; 3] = std::array::from_fn(|k| if k < D { step[k] as f64 * place.spacing[k] } else { 0.0 });
                     let length = xi.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -220,10 +236,14 @@ impl<const D: usize> LatticePoints<D> {
         let mut mask = std::mem::take(&mut self.mask);
         mask.clear();
         mask.resize(self.groups.len() * self.stencil.len(), 0);
+        let middle = self.by_offset.len() / 2;
         for i in 0..c.owned {
+            let near = self.cell[i] as usize;
+            let group = self.group_of[near / WIDTH] as usize;
+            let (masks, bit) = (&mut mask[group * self.stencil.len()..][..self.stencil.len()], 1 << (near % WIDTH));
             for s in c.slots(i).filter(|&s| c.is_intact(s)) {
-                let (byte, bit) = self.bit(i, c.neighbor[s] as usize);
-                mask[byte] |= bit;
+                let far = self.cell[c.neighbor[s] as usize] as usize;
+                masks[self.by_offset[far + middle - near] as usize] |= bit;
             }
         }
         self.mask = mask;

@@ -9,6 +9,7 @@ pub mod crack;
 pub mod damage;
 pub mod generate;
 mod lattice;
+mod lattice_families;
 pub mod loads;
 pub mod measures;
 pub mod neighbors;

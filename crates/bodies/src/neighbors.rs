@@ -6,6 +6,7 @@
 //! largest coordinate, which matters only far from the origin.
 
 use crate::cells::{CellList, bounds};
+use crate::lattice_families::LatticeFamilies;
 use rayon::prelude::*;
 
 /// Relative margin of the closed ball.
@@ -145,12 +146,14 @@ impl Neighbors {
     }
 
     /// The flips of a directed bond: zero if there is no mirror.
+    #[inline]
     pub fn flips_of(&self, bond: usize) -> u8 {
         self.flips.get(bond).copied().unwrap_or(0)
     }
 
     /// Reference position of the other end of a directed bond that starts at point `i` (length): that of the neighbour, or of the
     /// mirror image that `i` sees.
+    #[inline]
     pub fn end(&self, position: &[[f64; 3]], i: usize, bond: usize) -> [f64; 3] {
         let x = position[self.index[bond] as usize];
         match self.flips_of(bond) {
@@ -333,67 +336,91 @@ fn check_mirrors(position: &[[f64; 3]], dimension: usize, spacing: &[f64], reach
 
 /// Families among `position`; of all of them, or of the points `queries` only. Horizons belong to the queries.
 fn search(position: &[[f64; 3]], dimension: usize, horizon: &[f64], queries: Option<&[u32]>) -> Neighbors {
-    let n = horizon.len();
-    // Half the mean horizon: cells small enough that the rows of a ball hug it, large enough that a row is worth a loop.
-    let mean = horizon.iter().sum::<f64>() / n.max(1) as f64;
-    let cells = CellList::new(position, dimension, 0.5 * mean);
     let far = position.iter().flatten().fold(0.0, |a: f64, &b| a.max(b.abs()));
     let rounding = 4.0 * f64::EPSILON * far;
-    let query = |q: usize| queries.map_or(q, |all| all[q] as usize);
-    let ball = |q: usize| horizon[q] * (1.0 + MARGIN) + rounding;
-    let [slow, middle, fast] = &cells.coordinates;
-
-    let mut offsets = vec![0usize; n + 1];
-    offsets[1..].par_chunks_mut(RUN).enumerate().for_each(|(run, counts)| {
-        for (k, count) in counts.iter_mut().enumerate() {
-            let q = run * RUN + k;
-            let (x, radius) = (cells.ordered(&position[query(q)]), ball(q));
-            let square = radius * radius;
-            let mut inside = 0usize;
-            cells.runs(x, radius, |slots| {
-                let (a, b, c) = (&slow[slots.clone()], &middle[slots.clone()], &fast[slots]);
-                for ((a, b), c) in a.iter().zip(b).zip(c) {
-                    let d = [a - x[0], b - x[1], c - x[2]];
-                    inside += usize::from(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= square);
-                }
-            });
-            *count = inside - 1;
-        }
-    });
-    for i in 0..n {
-        offsets[i + 1] += offsets[i];
+    let query = |q: usize| queries.map_or(q as u32, |all| all[q]);
+    if let Some(lattice) = LatticeFamilies::find(position, dimension, horizon, rounding) {
+        return collect(horizon.len(), lattice.most(), |q, family| lattice.add(query(q), family));
     }
+    // Half the mean horizon: cells small enough that the rows of a ball hug it, large enough that a row is worth a loop.
+    let mean = horizon.iter().sum::<f64>() / horizon.len().max(1) as f64;
+    let cells = CellList::new(position, dimension, 0.5 * mean);
+    let [slow, middle, fast] = &cells.coordinates;
+    collect(horizon.len(), 0, |q, family| {
+        let own = query(q);
+        let (x, radius) = (cells.ordered(&position[own as usize]), horizon[q] * (1.0 + MARGIN) + rounding);
+        let square = radius * radius;
+        cells.runs(x, radius, |slots| {
+            let (a, b, c, points) = (&slow[slots.clone()], &middle[slots.clone()], &fast[slots.clone()], &cells.point[slots]);
+            for (((a, b), c), &point) in a.iter().zip(b).zip(c).zip(points) {
+                let d = [a - x[0], b - x[1], c - x[2]];
+                if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= square && point != own {
+                    family.push(point);
+                }
+            }
+        });
+    })
+}
 
+/// The families of `n` points as rows, each sorted; `add` appends one to a list. None has more than `most` points, if that is known.
+fn collect(n: usize, most: usize, add: impl Fn(usize, &mut Vec<u32>) + Sync) -> Neighbors {
+    let lists: Vec<(Vec<u32>, Vec<u32>)> = (0..n.div_ceil(RUN))
+        .into_par_iter()
+        .map(|run| {
+            let points = run * RUN..((run + 1) * RUN).min(n);
+            let (mut list, mut ends) = (Vec::with_capacity(most * points.len()), Vec::with_capacity(points.len()));
+            let mut scratch = vec![];
+            for q in points {
+                let first = list.len();
+                add(q, &mut list);
+                sort_runs(&mut list[first..], &mut scratch);
+                ends.push(list.len() as u32);
+            }
+            (list, ends)
+        })
+        .collect();
+    let mut offsets = Vec::with_capacity(n + 1);
+    offsets.push(0);
+    for (_, ends) in &lists {
+        let base = offsets[offsets.len() - 1];
+        offsets.extend(ends.iter().map(|&e| base + e as usize));
+    }
     let mut index = vec![0u32; offsets[n]];
     let mut rest = index.as_mut_slice();
-    let mut parts = Vec::with_capacity(n.div_ceil(RUN));
-    for first in (0..n).step_by(RUN) {
-        let (part, next) = rest.split_at_mut(offsets[(first + RUN).min(n)] - offsets[first]);
+    let mut parts = Vec::with_capacity(lists.len());
+    for (list, _) in &lists {
+        let (part, next) = rest.split_at_mut(list.len());
         parts.push(part);
         rest = next;
     }
-    parts.into_par_iter().enumerate().for_each(|(run, part)| {
-        let first = run * RUN;
-        for q in first..(first + RUN).min(n) {
-            let own = query(q) as u32;
-            let (x, radius) = (cells.ordered(&position[own as usize]), ball(q));
-            let square = radius * radius;
-            let family = &mut part[offsets[q] - offsets[first]..offsets[q + 1] - offsets[first]];
-            let mut filled = 0;
-            cells.runs(x, radius, |slots| {
-                let (a, b, c, points) = (&slow[slots.clone()], &middle[slots.clone()], &fast[slots.clone()], &cells.point[slots]);
-                for (((a, b), c), &point) in a.iter().zip(b).zip(c).zip(points) {
-                    let d = [a - x[0], b - x[1], c - x[2]];
-                    if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= square && point != own {
-                        family[filled] = point;
-                        filled += 1;
-                    }
-                }
-            });
-            family.sort_unstable();
-        }
-    });
+    // each list is freed as soon as it is copied
+    parts.into_par_iter().zip(lists).for_each(|(part, (list, _))| part.copy_from_slice(&list));
     Neighbors { offsets, index, flips: Vec::new(), mirrors: Vec::new() }
+}
+
+/// Sorts different numbers that come in runs of successive ones, as the points of a row do: what is sorted is runs.
+fn sort_runs(family: &mut [u32], runs: &mut Vec<u64>) {
+    // the first point of a run, and its length
+    runs.clear();
+    let (mut first, mut next) = (0, 0);
+    for &point in family.iter() {
+        if point != next || runs.is_empty() {
+            first = point;
+            runs.push(u64::from(first) << 32);
+        }
+        next = point + 1;
+        let last = runs.len() - 1;
+        runs[last] = u64::from(first) << 32 | u64::from(next - first);
+    }
+    runs.sort_unstable();
+    let mut filled = 0;
+    for run in runs.iter() {
+        let (first, length) = ((run >> 32) as u32, *run as u32);
+        for (point, k) in family[filled..filled + length as usize].iter_mut().zip(0..) {
+            *point = first + k;
+        }
+        filled += length as usize;
+    }
 }
 
 #[cfg(test)]

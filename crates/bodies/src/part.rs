@@ -425,6 +425,25 @@ impl<M: Material<D>, const D: usize> Kernel for Scatter<'_, M, D> {
     }
 }
 
+struct Energy<'a, M: Material<D>, const D: usize> {
+    part: &'a Assigned<M, D>,
+    chunk: usize,
+    c: &'a Configuration<'a, f64>,
+    out: &'a mut [f64],
+}
+impl<M: Material<D>, const D: usize> Kernel for Energy<'_, M, D> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Scalar<Sum = f64>>(self) {
+        let (c, out) = (self.c, self.out);
+        self.part.each(
+            self.chunk,
+            #[inline(always)]
+            |i, constants, shape| out[i] = self.part.material.energy_density(constants, shape, Family::<S, D>::new(c, i)),
+        );
+    }
+}
+
 impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     fn name(&self) -> &str {
         &self.name
@@ -571,9 +590,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         self.scatter::<Dual>(chunk, c, force);
     }
     fn energy_density(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]) {
-        self.each(chunk, |i, constants, shape| {
-            out[i] = self.material.energy_density(constants, shape, Family::<f64, D>::new(c, i));
-        });
+        widest(Energy { part: self, chunk, c, out });
     }
     fn stress(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>], across: &mut [f64]) {
         self.each(chunk, |i, constants, shape| {

@@ -76,7 +76,11 @@ pub fn across_voids(cloud: &PointCloud, neighbors: &Neighbors, reach: Option<f64
     if n == 0 {
         return Ok(Vec::new());
     }
-    if let Some(homes) = Homes::new(cloud)
+    let homes = Homes::new(cloud);
+    if neighbors.mirrors.is_empty() && homes.as_ref().is_some_and(Homes::fill_box) {
+        return Ok(vec![false; neighbors.bonds()]);
+    }
+    if let Some(homes) = homes
         && let Some(hidden) = on_lattice(cloud, &homes, neighbors, reach.unwrap_or(LATTICE_REACH))
     {
         return Ok(hidden);
@@ -102,6 +106,15 @@ impl Homes {
         let mut sorted = cell.clone();
         sorted.par_sort_unstable();
         sorted.windows(2).all(|w| w[0] != w[1]).then_some(Self { lattice, cell })
+    }
+
+    /// Whether every cell of the box around the points has its point: no void, nothing to look across.
+    fn fill_box(&self) -> bool {
+        let extent = [0, 1, 2].map(|k| {
+            let (low, high) = self.cell.iter().fold((i32::MAX, i32::MIN), |(a, b), c| (a.min(c[k]), b.max(c[k])));
+            (i64::from(high) - i64::from(low) + 1) as u128
+        });
+        extent.iter().product::<u128>() == self.cell.len() as u128
     }
 
     fn centre(&self, i: usize) -> [f64; 3] {

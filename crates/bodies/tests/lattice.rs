@@ -344,6 +344,6 @@ fn a_bond_costs_what_it_should() {
     body.assign(parts).unwrap();
     let (bytes, _, _) = body.bytes();
     let each = bytes as f64 / body.bonds() as f64;
-    // four of the list, padding to eights, two bits
-    assert!((4.2..4.8).contains(&each), "{each}");
+    // two of the list, padding to eights, two bits
+    assert!((2.2..2.8).contains(&each), "{each}");
 }

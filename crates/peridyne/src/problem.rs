@@ -2,6 +2,7 @@
 //! found before anything is computed, each with its place in the deck.
 
 use crate::deck::{self, Axis, Condition, Deck, DeckErrors, Issue, Lattice, PointSet, Points, Region, SetRule, Shape, Solver, Span};
+use crate::surface::Part;
 use bodies::crack::{Crack, Cracks};
 use bodies::generate::{self, Filling, Jitter};
 use bodies::neighbors::{Mirror, Neighbors, neighbors_with_mirrors};
@@ -33,8 +34,10 @@ pub struct Problem {
     pub hidden_bonds: usize,
     /// Pre-cracks.
     pub cracks: Option<Cracks>,
-    /// The surface of a shell, whose points are those of `cloud`, in the user's order.
+    /// The surface of a shell, whose points are those of `cloud`, in the user's order; of several parts, all.
     pub surface: Option<Surface>,
+    /// The parts of a shell.
+    pub parts: Vec<Part>,
     /// Whether the body is a beam or a plate, whose families are those of bond pairs; `neighbors` is empty then.
     pub thin: bool,
     /// Where all constants of materials are taken, whatever the place of a point; `None`: each point has its own.
@@ -50,7 +53,7 @@ impl Problem {
     /// Every fault found.
     pub fn new(deck: Deck) -> Result<Self, DeckErrors> {
         Self::build(&deck).map_err(|issues| deck.errors(issues)).map(|(section, parts)| {
-            let Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface } = parts;
+            let Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface, parts } = parts;
             let thin = is_thin(&deck);
             Problem {
                 deck,
@@ -64,6 +67,7 @@ impl Problem {
                 hidden_bonds,
                 cracks,
                 surface,
+                parts,
                 thin,
                 constants_at: None,
             }
@@ -73,7 +77,7 @@ impl Problem {
     fn build(deck: &Deck) -> Checked<(Section, Built)> {
         let section = section(deck);
         let mut issues = vec![];
-        let (cloud, surface) = points(deck, section)?;
+        let (cloud, surface, parts) = points(deck, section)?;
         // points of a surface stay as they are: triangles and sets refer to them
         let (cloud, user) = if surface.is_some() {
             let user = (0..cloud.len() as u32).collect();
@@ -104,7 +108,7 @@ impl Problem {
         if thin {
             let cracks = cracks(deck, &mut issues);
             let (neighbors, hidden_bonds) = (Neighbors::default(), 0);
-            let built = Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface };
+            let built = Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface, parts };
             return if issues.is_empty() { Ok((section, built)) } else { Err(issues) };
         }
 
@@ -142,6 +146,15 @@ impl Problem {
         } else {
             (found, 0)
         };
+        let largest = (0..cloud.len()).max_by_key(|&p| neighbors.bonds_of(p).len());
+        if let Some(p) = largest.filter(|&p| neighbors.bonds_of(p).len() > bodies::body::MOST_NEIGHBORS) {
+            let (n, most) = (neighbors.bonds_of(p).len(), bodies::body::MOST_NEIGHBORS);
+            issues.push(Issue::new(
+                body.horizon.span,
+                format!("the family of point {} has {n} points, more than the {most} that a family may have", cloud.id[p]),
+                "use a smaller horizon, or a larger spacing",
+            ));
+        }
         let lonely: Vec<u64> = (0..cloud.len()).filter(|&p| neighbors.bonds_of(p).is_empty()).map(|p| cloud.id[p]).collect();
         if !lonely.is_empty() {
             let what = format!("{} points have no neighbour within the horizon, the first is point {}", lonely.len(), lonely[0]);
@@ -159,7 +172,7 @@ impl Problem {
         let cracks = cracks(deck, &mut issues);
         references(deck, &cloud, &sets, &mut issues);
         if issues.is_empty() {
-            Ok((section, Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface }))
+            Ok((section, Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface, parts }))
         } else {
             Err(issues)
         }
@@ -238,6 +251,7 @@ struct Built {
     hidden_bonds: usize,
     cracks: Option<Cracks>,
     surface: Option<Surface>,
+    parts: Vec<Part>,
 }
 
 fn section(deck: &Deck) -> Section {
@@ -263,22 +277,34 @@ fn lattice_of(source: &Points) -> Option<&Lattice> {
     }
 }
 
-fn points(deck: &Deck, section: Section) -> Checked<(PointCloud, Option<Surface>)> {
+fn points(deck: &Deck, section: Section) -> Checked<(PointCloud, Option<Surface>, Vec<Part>)> {
     let mut issues = vec![];
     let mut whole: Option<PointCloud> = None;
-    if let Some(Points::Surface(s)) = deck.body.points.iter().find(|p| matches!(p, Points::Surface(_))) {
-        if deck.body.points.len() > 1 {
-            return Err(vec![Issue::new(s.span, "a surface goes with no other source of points", "give it alone")]);
+    let surfaces: Vec<_> = deck.body.points.iter().filter_map(|p| if let Points::Surface(s) = p { Some(s) } else { None }).collect();
+    if let Some(joint) = deck.body.joints.first().filter(|_| surfaces.len() < 2) {
+        let help = "give two or more of `surface`, each with a `block` name; a single one needs no joint";
+        return Err(vec![Issue::new(joint.span, "a joint is between two surfaces", help)]);
+    }
+    if let Some(s) = surfaces.first() {
+        if deck.body.points.len() > surfaces.len() {
+            return Err(vec![Issue::new(s.span, "a surface goes with no other kind of source of points", "give surfaces and lines alone")]);
         }
-        if !deck.materials.iter().all(|(_, m)| matches!(m.model, deck::Model::Shell(_))) {
-            return Err(vec![Issue::new(s.span, "points of a surface are for the model `shell`", "use it, or other points")]);
+        if !deck.materials.iter().all(|(_, m)| matches!(m.model, deck::Model::Shell(_) | deck::Model::BondPairBeam(_))) {
+            let help = "use it, or `bond_pair_beam` for lines in space, or other points";
+            return Err(vec![Issue::new(s.span, "points of a surface are for the model `shell`", help)]);
         }
-        let surface = crate::surface::of(deck, s)?;
-        return Ok((crate::surface::cloud(&surface, section.dimension()), Some(surface)));
+        let (parts, surface) = crate::surface::parts(deck, &surfaces)?;
+        return Ok((crate::surface::cloud(&parts, &surface, section.dimension()), Some(surface), parts));
     }
     if let Some((name, _)) = deck.materials.iter().find(|(_, m)| matches!(m.model, deck::Model::Shell(_))) {
         let help = "write for example `- surface: {shape: {cylinder: {radius: 1, length: 2, cells: [64, 20]}}}` under `points:`";
         return Err(vec![Issue::new(name.span, "a shell needs points of a `surface`", help)]);
+    }
+    if let Some((name, _)) =
+        deck.materials.iter().find(|(_, m)| deck.body.dimensions() > 1 && matches!(m.model, deck::Model::BondPairBeam(_)))
+    {
+        let help = "write for example `- surface: {shape: {line: {from: [0, 0, 0], to: [1, 0, 0], cells: 20}}}` under `points:`";
+        return Err(vec![Issue::new(name.span, "a beam in space needs points of a `surface` that is a line", help)]);
     }
     for source in &deck.body.points {
         let made = match source {
@@ -321,7 +347,7 @@ fn points(deck: &Deck, section: Section) -> Checked<(PointCloud, Option<Surface>
         }
     }
     match whole {
-        Some(cloud) if issues.is_empty() => Ok((cloud, None)),
+        Some(cloud) if issues.is_empty() => Ok((cloud, None, vec![])),
         _ => Err(issues),
     }
 }

@@ -14,6 +14,7 @@ use crate::registry::{Assembly, assemble, initial_state};
 use crate::spectrum;
 use crate::verify::{Measurement, Pending};
 use bodies::measures::FieldName;
+use bodies::neighbors::Neighbors;
 use bodies::structure::Simulated;
 use solvers::arc_length::{ArcLength, Control, Path as Followed, PathError};
 use solvers::dynamic_relaxation::{DynamicRelaxation, DynamicRelaxationOptions};
@@ -154,8 +155,13 @@ pub fn run_keeping(
     cancel: &AtomicBool,
 ) -> Result<Outcome, RunError> {
     let clock = Instant::now();
-    let problem = Problem::new(deck).map_err(RunError::Deck)?;
+    let mut problem = Problem::new(deck).map_err(RunError::Deck)?;
     let assembly = assemble(&problem).map_err(RunError::Deck)?;
+    if !matches!(problem.deck.solver, Solver::Spectrum(_)) {
+        // the chunks of the body have their own lists
+        problem.neighbors = Neighbors::default();
+    }
+    let problem = problem;
     let setup = clock.elapsed().as_secs_f64();
     let Assembly { mut model, derived, warnings } = assembly;
     let mut recorder = Recorder::new(&problem, &*model, target, wanted)?;
@@ -176,7 +182,7 @@ pub fn run_keeping(
     let (exit, steps) = match &problem.deck.solver {
         Solver::VelocityVerlet(options) => {
             model.set_statics(false);
-            let ended = motion(&problem, options, &mut *model, &mut u, &v, &mut recorder, progress, cancel)?;
+            let ended = motion(&problem, options, &mut *model, &mut u, &mut v, &mut recorder, progress, cancel)?;
             solver_time += ended.estimating;
             constants.push(Constant { name: "time step".into(), value: ended.step, unit: "time".into() });
             (ended.exit, ended.steps)
@@ -370,6 +376,8 @@ struct Recorder<'a> {
     span: (f64, f64),
     next_frame: f64,
     next_row: f64,
+    /// Least time between rows, where the deck does not say how many there are.
+    least_row_interval: f64,
     frames: usize,
     initial_energy: Option<f64>,
     last_velocity: Vec<f64>,
@@ -444,6 +452,7 @@ impl<'a> Recorder<'a> {
             span: (0.0, 1.0),
             next_frame: f64::NEG_INFINITY,
             next_row: f64::NEG_INFINITY,
+            least_row_interval: 0.0,
             frames: 0,
             initial_energy: None,
             last_velocity: vec![],
@@ -475,7 +484,11 @@ impl<'a> Recorder<'a> {
 
     fn row_interval(&self) -> f64 {
         let o = &self.problem.deck.output;
-        o.history_every.map_or_else(|| (self.span.1 - self.span.0) / o.history.value.max(1) as f64, |q| q.value)
+        if let Some(interval) = o.history_every {
+            return interval.value;
+        }
+        let rows = |most: u64| (self.span.1 - self.span.0) / most.max(1) as f64;
+        o.history.map_or_else(|| rows(1000).max(self.least_row_interval), |most| rows(most.value))
     }
 
     /// One accepted step.

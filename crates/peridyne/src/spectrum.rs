@@ -252,6 +252,7 @@ fn patch_problem(problem: &Problem, material: usize, lattice: &Lattice, typical:
         cracks: None,
         thin: false,
         surface: None,
+        parts: vec![],
         constants_at: Some(place),
         cloud,
     };

@@ -26,6 +26,14 @@ pub fn of(deck: &Deck, source: &SurfaceSource) -> Result<Surface, Vec<Issue>> {
         SurfaceShape::Sphere(s) => generate::sphere(s.radius.value, angles(&s.polar), angles(&s.azimuth), s.cells.value as usize),
         SurfaceShape::Torus(s) => generate::torus(s.radius.value, s.tube.value, pair(&s.cells)),
         SurfaceShape::Ring(s) => generate::ring(s.radius.value, angles(&s.around), s.cells.value as usize),
+        SurfaceShape::Line(s) => {
+            let cells = s.cells.value as usize;
+            let shares: Vec<f64> = (0..=cells).map(|k| k as f64 / cells as f64).collect();
+            let (from, to) = (s.from.point(), s.to.point());
+            // it bends in the plane of x and y, or both ways
+            let upright = (0..2).all(|k| from[k] == to[k]);
+            generate::line(from, to, &shares, if upright { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] })
+        }
         SurfaceShape::Mesh(s) => {
             let path = deck.resolve(&s.path.value);
             let (vertices, triangles) =
@@ -45,22 +53,75 @@ pub fn of(deck: &Deck, source: &SurfaceSource) -> Result<Surface, Vec<Issue>> {
         let inside = crate::problem::region_of(region);
         surface = generate::remove(&surface, |x| inside(*x));
     }
+    if let Some(place) = &source.place {
+        let unit = |q: &[deck::Quantity<deck::Number>; 3]| {
+            let v = q.each_ref().map(|q| q.value);
+            let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+            v.map(|x| x / length)
+        };
+        let (x, y) = (unit(&place.x), unit(&place.y));
+        let z = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+        surface = surface.moved(place.origin.each_ref().map(|q| q.value), [x, y, z]).map_err(|_| {
+            vec![Issue::new(place.span, "the directions `x` and `y` are not at a right angle", "give two that are, of any length")]
+        })?;
+    }
     if surface.is_empty() {
         return Err(vec![Issue::new(source.span, "no points are left", "the holes remove the whole surface: check `minus`")]);
     }
     Ok(surface)
 }
 
-/// The points of a surface as a cloud; areas (lengths) are their volumes.
-pub fn cloud(surface: &Surface, dimension: usize) -> PointCloud {
+/// A surface or curve of a structure.
+pub struct Part {
+    /// Name of its block.
+    pub name: String,
+    /// Its points.
+    pub surface: Surface,
+    /// Number of its first point.
+    pub first: usize,
+}
+
+/// The surfaces of a deck, one after another, and all as one.
+///
+/// # Errors
+/// What is wrong with their shapes and names.
+pub fn parts(deck: &Deck, sources: &[&SurfaceSource]) -> Result<(Vec<Part>, Surface), Vec<Issue>> {
+    let (mut parts, mut issues): (Vec<Part>, Vec<Issue>) = (vec![], vec![]);
+    for source in sources {
+        let name = source.block.as_ref().map_or_else(|| "surface".into(), |b| b.value.clone());
+        if source.block.is_none() && sources.len() > 1 {
+            issues.push(Issue::new(source.span, "one of several surfaces has no name", "name each with `block: …`"));
+        } else if parts.iter().any(|p| p.name == name) {
+            issues.push(Issue::new(source.span, format!("two surfaces are called `{name}`"), "give each a name of its own"));
+        }
+        match of(deck, source) {
+            Ok(surface) => {
+                let first = parts.last().map_or(0, |p: &Part| p.first + p.surface.len());
+                parts.push(Part { name, surface, first });
+            }
+            Err(e) => issues.extend(e),
+        }
+    }
+    if !issues.is_empty() {
+        return Err(issues);
+    }
+    let whole = match parts.as_slice() {
+        [one] => one.surface.clone(),
+        _ => Surface::together(&parts.iter().map(|p| (p.name.as_str(), &p.surface)).collect::<Vec<_>>()),
+    };
+    Ok((parts, whole))
+}
+
+/// The points of surfaces as a cloud; areas (lengths) are their volumes.
+pub fn cloud(parts: &[Part], surface: &Surface, dimension: usize) -> PointCloud {
     let n = surface.len();
     PointCloud {
         dimension,
         position: surface.positions.clone(),
         volume: surface.measure.clone(),
         spacing: surface.spacing.clone(),
-        block: vec![0; n],
-        block_names: vec!["surface".into()],
+        block: parts.iter().enumerate().flat_map(|(k, p)| vec![k as u32; p.surface.len()]).collect(),
+        block_names: parts.iter().map(|p| p.name.clone()).collect(),
         id: (0..n as u64).collect(),
         lattice: None,
     }

@@ -12,32 +12,29 @@ use thin::ThinError;
 use thin::angle::{Kinematics, Potential};
 use thin::beam::Beam;
 use thin::body::Thin;
-use thin::interpolation::Interpolation;
 use thin::layout::{Layout, Mirror, Parity};
 use thin::loads::{Action, Condition as Load, couple, spread};
 use thin::pairs::Law;
 use thin::plate::{IsotropicWeight, Limit, Plate};
 use thin::section::{ArmTable, Properties, Section, Weighting};
-use thin::shell::{Horizon, Shell, Turn};
 use thin::structure::{Assembled, Brittle, PointData};
-use thin::surface::Surface;
 use thin::weights::Influence;
 
 type Checked<T> = Result<T, Vec<Issue>>;
 
 /// A material with its model.
-type Part<'a, M> = (&'a deck::Material, &'a M);
+type Of<'a, M> = (&'a deck::Material, &'a M);
 
 /// Builds the beam or plate of a problem.
 pub fn assemble(problem: &Problem) -> Checked<Assembly> {
     let materials = &problem.deck.materials;
     if let Some(surface) = &problem.surface {
-        return match surface.dimension {
-            1 => shell::<2>(problem, surface),
-            _ => shell::<3>(problem, surface),
+        return match problem.section.dimension() {
+            2 => shells::<2>(problem, surface),
+            _ => shells::<3>(problem, surface),
         };
     }
-    let (mut beams, mut plates): (Vec<Part<BondPairBeam>>, Vec<Part<BondMultiplePlate>>) = (vec![], vec![]);
+    let (mut beams, mut plates): (Vec<Of<BondPairBeam>>, Vec<Of<BondMultiplePlate>>) = (vec![], vec![]);
     for (name, material) in materials.iter() {
         if let Some(damage) = &material.damage {
             return Err(vec![Issue::new(damage.span, "`damage` is for solids", "use `behavior: brittle` in the model of a beam or plate")]);
@@ -81,9 +78,7 @@ pub fn assemble(problem: &Problem) -> Checked<Assembly> {
             }
         }
         ([], []) => Err(vec![]),
-        ([beam, ..], _) => {
-            Err(vec![Issue::new(beam.1.span, "a beam and a plate in one body", "make a body of one kind; stiffeners are parts of a shell")])
-        }
+        ([beam, ..], _) => Err(vec![Issue::new(beam.1.span, "a beam and a plate in one body", "make a body of one kind")]),
     }
 }
 
@@ -327,7 +322,7 @@ fn section_of(s: &CrossSection) -> Section {
     }
 }
 
-fn beam<const D: usize>(problem: &Problem, parts: &[Part<BondPairBeam>]) -> Checked<Assembly>
+fn beam<const D: usize>(problem: &Problem, parts: &[Of<BondPairBeam>]) -> Checked<Assembly>
 where
     Thin<D>: Assembled,
 {
@@ -467,7 +462,7 @@ where
     Ok(made)
 }
 
-fn plate<const D: usize>(problem: &Problem, parts: &[Part<BondMultiplePlate>]) -> Checked<Assembly>
+fn plate<const D: usize>(problem: &Problem, parts: &[Of<BondMultiplePlate>]) -> Checked<Assembly>
 where
     Thin<D>: Assembled,
 {
@@ -501,14 +496,11 @@ where
         }
         // a given tension needs a membrane stiffness only to share it among bonds: any will do
         let membrane = membrane.or_else(|| p.tension.as_ref().filter(|_| D == 1).map(|_| vec![1.0]));
-        let curvature = match (&p.yield_stress, &p.limit_curvature, solid) {
-            (Some(stress), _, Some((e, h))) => {
-                let strain = combine(&values(stress, problem), e, |s, e| s / e);
-                Some(combine(&strain, h, |s, h| 2.0 * s / h))
-            }
-            (_, Some(curvature), _) => Some(values(curvature, problem)),
-            _ => None,
-        };
+        let curvature = limit_curvature(
+            p.yield_stress.as_ref().map(|f| values(f, problem)),
+            p.limit_curvature.as_ref().map(|f| values(f, problem)),
+            solid,
+        );
         let angle = p.limit_angle.as_ref().map(|f| values(f, problem));
         // brittle pairs break at one angle, that of the horizon
         let angle = match (&curvature, brittle(&p.behavior)) {
@@ -582,108 +574,16 @@ where
     finish(problem, body, breaks, mass, derived)
 }
 
-/// A shell, a plate of any points or a curved beam.
-fn shell<const D: usize>(problem: &Problem, surface: &Surface) -> Checked<Assembly>
-where
-    Thin<D>: Assembled,
-{
-    let deck = &problem.deck;
-    let mut materials = deck.materials.iter();
-    let Some((_, material)) = materials.next() else { return Err(vec![]) };
-    if let Some((name, _)) = materials.next() {
-        return Err(vec![Issue::new(
-            name.span,
-            "a shell has one material",
-            "let its stiffness vary in space by expressions of x, y and z",
-        )]);
+/// Curvature at which layers yield or break: given, or that at which the outermost of the `solid` (E, h) reaches the yield stress.
+fn limit_curvature(yield_stress: Option<Vec<f64>>, given: Option<Vec<f64>>, solid: Option<(&Vec<f64>, &Vec<f64>)>) -> Option<Vec<f64>> {
+    match (yield_stress, solid) {
+        (Some(stress), Some((e, h))) => Some(combine(&combine(&stress, e, |s, e| s / e), h, |s, h| 2.0 * s / h)),
+        _ => given,
     }
-    let Model::Shell(s) = &material.model else {
-        return Err(vec![Issue::new(material.points.span, "points of a surface are for the model `shell`", "use it")]);
-    };
-    let nu = s.poisson_ratio.value;
-    let young = s.youngs_modulus.as_ref().map(|f| values(f, problem));
-    let thickness = s.thickness.as_ref().map(|f| values(f, problem));
-    let solid = young.as_ref().zip(thickness.as_ref());
-    let unknown = || vec![Issue::new(s.span, "the stiffness is not known", "give `youngs_modulus` and `thickness`")];
-    let rigidity = s.bending_stiffness.as_ref().map(|f| values(f, problem));
-    let rigidity = rigidity.or_else(|| solid.map(|(e, h)| combine(e, h, |e, h| e * h.powi(3) / (12.0 * (1.0 - nu * nu)))));
-    let rigidity = rigidity.ok_or_else(unknown)?;
-    let membrane = s.membrane_stiffness.as_ref().map(|f| values(f, problem));
-    let membrane = membrane.or_else(|| solid.map(|(e, h)| combine(e, h, |e, h| e * h))).ok_or_else(unknown)?;
-    let curvature = match (&s.yield_stress, &s.limit_curvature, solid) {
-        (Some(stress), _, Some((e, h))) => {
-            let strain = combine(&values(stress, problem), e, |s, e| s / e);
-            Some(combine(&strain, h, |s, h| 2.0 * s / h))
-        }
-        (_, Some(curvature), _) => Some(values(curvature, problem)),
-        _ => None,
-    };
-    let angle = s.limit_angle.as_ref().map(|f| values(f, problem));
-    let angle = match (&curvature, brittle(&s.behavior)) {
-        (Some(curvature), Some(_)) => Some(combine(curvature, &problem.horizon, |c, h| c * h)),
-        _ => angle,
-    };
-    let limit = match (&angle, &curvature) {
-        (Some(angle), _) => Limit::Angle(angle),
-        (None, Some(curvature)) => Limit::Layers(curvature),
-        _ => Limit::None,
-    };
-    let stretch = s.critical_stretch.as_ref().map(|f| values(f, problem));
-    let mut mirrors = vec![];
-    for c in &deck.conditions {
-        let (normal, at, parity) = match c {
-            Condition::SimplySupported(e) if e.mirror => (&e.normal, e.at.value, Parity::Odd),
-            Condition::Clamped(e) if e.mirror => (&e.normal, e.at.value, Parity::Even),
-            Condition::Symmetry(s) => (&s.normal, s.at.value, Parity::Even),
-            _ => continue,
-        };
-        let mut n = [0.0; 3];
-        n[normal.value.index()] = 1.0;
-        mirrors.push(Mirror { normal: n, at, parity });
-    }
-    let (body, report) = Shell {
-        horizon: Horizon::PerPoint(&problem.horizon),
-        rigidity: &rigidity,
-        membrane: Some(&membrane),
-        poisson: nu,
-        thickness: thickness.as_deref(),
-        influence: influence(&s.influence),
-        correction: s.weight_correction,
-        interpolation: match s.virtual_points {
-            deck::VirtualPoints::Quadratic => Interpolation::Quadratic,
-            deck::VirtualPoints::Barycentric => Interpolation::Barycentric,
-            deck::VirtualPoints::Nearest => Interpolation::Nearest,
-        },
-        turn: match s.turn {
-            deck::ShellTurn::NormalCurvature => Turn::NormalCurvature,
-            deck::ShellTurn::Angle => Turn::Angle,
-        },
-        limit,
-        law: law(&s.behavior, &PairPotential::Square),
-        critical_stretch: stretch.as_deref(),
-    }
-    .build::<D>(surface, &mirrors)
-    .map_err(fault(s.span))?;
-    let mut derived: Vec<Derived> = vec![("bending stiffness D".into(), rigidity[0], "force length")];
-    for (what, value) in [
-        ("pairs with a virtual point", report.virtual_points),
-        ("pairs not made at edges", report.outside),
-        ("points of a single line of pairs", report.single_line),
-        ("points whose weights could not be corrected", report.uncorrected),
-        ("points without a pair", report.without_pairs),
-    ] {
-        derived.push((what.into(), value as f64, ""));
-    }
-    if let Some((value, _)) = report.locking {
-        derived.push(("largest horizon^2/(radius thickness)".into(), value, ""));
-    }
-    let thickness = thickness.unwrap_or_else(|| vec![1.0]);
-    let density = material.density.as_ref().map_or(vec![1.0], |d| values(d, problem));
-    let breaks = brittle(&s.behavior).or_else(|| stretch.is_some().then_some(Brittle { batch: 1.0 }));
-    let mut made = finish(problem, body, breaks, combine(&density, &thickness, |r, h| r * h), derived)?;
-    made.warnings.extend(report.warnings());
-    Ok(made)
 }
+
+mod shells;
+use shells::shells;
 
 /// Conditions, masses (per length or area), cracks.
 fn finish<const D: usize>(

@@ -27,8 +27,8 @@ pub struct Configuration<'a, R> {
     pub temperature: &'a [f64],
     /// First bond slot of each family, and one more; multiples of eight.
     pub start: &'a [u32],
-    /// Far point of each bond slot.
-    pub neighbor: &'a [u32],
+    /// Far point of each bond slot; points are counted in 16 bits here.
+    pub neighbor: &'a [u16],
     /// Reference length |ξ| of each bond slot, or empty where it is made of ξ.
     pub length: &'a [f64],
     /// Stored influence ω per bond slot, or empty where it is constant.

@@ -3,12 +3,15 @@
 //!
 //! [`widest`] and [`widest_abreast`] run a kernel with the widest lanes the machine has. The types themselves stay private, so that code
 //! with vector instructions cannot run on a machine without them; all unsafe code of the program is in
-//! `lanes/avx512.rs`. The portable lanes are the fallback and, in tests, the oracle.
+//! `lanes/avx512.rs` and `lanes/avx2.rs`. The portable lanes are the fallback and, in tests, the oracle.
 
 use crate::scalar::{Cells, ROW, Scalar, array};
 use std::marker::PhantomData;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+use std::sync::atomic::{AtomicU8, Ordering};
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 
@@ -419,9 +422,12 @@ impl<I: InstructionSet> Scalar for Lanes<I, Bonds> {
         I::sum(self.0)
     }
     #[inline(always)]
-    fn index(list: &[u32], at: usize) -> Indices {
-        let block = &list[at..at + WIDTH];
-        [block[0], block[1], block[2], block[3], block[4], block[5], block[6], block[7]]
+    fn index(list: &[u16], at: usize) -> Indices {
+        let block: &[u16; WIDTH] = list[at..at + WIDTH].try_into().expect("as many as lanes");
+        array(
+            #[inline(always)]
+            |l| u32::from(block[l]),
+        )
     }
     #[inline(always)]
     fn splat_index(i: usize) -> Indices {
@@ -472,8 +478,8 @@ impl<I: InstructionSet> Scalar for Lanes<I, Points> {
         self
     }
     #[inline(always)]
-    fn index(list: &[u32], at: usize) -> u32 {
-        list[at]
+    fn index(list: &[u16], at: usize) -> u32 {
+        list[at].into()
     }
     #[inline(always)]
     fn splat_index(i: usize) -> u32 {
@@ -641,7 +647,7 @@ impl<A: Abreast> Scalar for Pair<A> {
     fn load_cells(plane: &[f64], cells: Cells) -> Self {
         Pair(A::load(plane, cells[0]), A::load(plane, cells[1]))
     }
-    fn index(_: &[u32], _: usize) -> u32 {
+    fn index(_: &[u16], _: usize) -> u32 {
         unreachable!("{PLANES}")
     }
     #[inline(always)]
@@ -717,29 +723,104 @@ pub trait GroupKernel {
     fn run<S: Abreast>(self) -> Self::Output;
 }
 
+/// Which instructions lanes are made of, from those that every machine has to the widest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Instructions {
+    /// Those that the program was compiled for: two numbers at a time on 64-bit ARM (NEON); on old x86-64 bonds of lists go one by one, and
+    /// points of lattices two at a time.
+    Portable,
+    /// Four numbers at a time, and fused multiplications.
+    Avx2,
+    /// Eight.
+    Avx512,
+}
+
+impl Instructions {
+    /// All of them.
+    pub const ALL: [Instructions; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
+
+    /// What people call them.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Portable => "portable",
+            Self::Avx2 => "AVX2, 8 lanes",
+            Self::Avx512 => "AVX-512, 8 lanes",
+        }
+    }
+
+    /// Whether this machine has them.
+    pub fn available(self) -> bool {
+        match self {
+            Self::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => avx2::detected(),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => avx512::detected(),
+            #[cfg(not(target_arch = "x86_64"))]
+            _ => false,
+        }
+    }
+}
+
+/// The widest that may be used.
+static WIDEST: AtomicU8 = AtomicU8::new(Instructions::Avx512 as u8);
+
+/// From now on nothing wider than this is used: for comparisons. Results of different instructions differ by round-off.
+pub fn limit(widest: Instructions) {
+    WIDEST.store(widest as u8, Ordering::Relaxed);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline]
+fn may_use(instructions: Instructions) -> bool {
+    WIDEST.load(Ordering::Relaxed) >= instructions as u8
+}
+
 /// Runs a kernel over groups of points with the widest lanes of this machine.
 #[inline]
 pub fn widest_abreast<K: GroupKernel>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
-    if let Some(run) = avx512::available_abreast::<K>() {
-        return run(kernel);
+    {
+        if may_use(Instructions::Avx512)
+            && let Some(run) = avx512::available_abreast::<K>()
+        {
+            return run(kernel);
+        }
+        if may_use(Instructions::Avx2)
+            && let Some(run) = avx2::available_abreast::<K>()
+        {
+            return run(kernel);
+        }
     }
     portable_abreast(kernel)
 }
 
 /// Runs a kernel over groups of points with the portable lanes (for comparison).
 pub fn portable_abreast<K: GroupKernel>(kernel: K) -> K::Output {
-    if K::PAIRED { kernel.run::<Pair<Lanes<Portable, Points>>>() } else { kernel.run::<Lanes<Portable, Points>>() }
+    kernel.run::<Lanes<Portable, Points>>()
 }
 
 /// Runs a kernel with the widest lanes of this machine.
 #[inline]
 pub fn widest<K: Kernel>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
-    if let Some(run) = avx512::available::<K>() {
-        return run(kernel);
+    {
+        if may_use(Instructions::Avx512)
+            && let Some(run) = avx512::available::<K>()
+        {
+            return run(kernel);
+        }
+        if may_use(Instructions::Avx2)
+            && let Some(run) = avx2::available::<K>()
+        {
+            return run(kernel);
+        }
+        // a processor of before 2013: not worth the time that eight lanes of its instructions take to compile
+        kernel.run::<f64>()
     }
-    kernel.run::<Lanes<Portable, Bonds>>()
+    #[cfg(not(target_arch = "x86_64"))]
+    portable(kernel)
 }
 
 /// Runs a kernel with the portable lanes (for comparison).
@@ -747,21 +828,33 @@ pub fn portable<K: Kernel>(kernel: K) -> K::Output {
     kernel.run::<Lanes<Portable, Bonds>>()
 }
 
+/// The lanes that [`widest`] chooses on this machine.
+pub fn chosen() -> Instructions {
+    let usable = |i: &Instructions| i.available() && WIDEST.load(Ordering::Relaxed) >= *i as u8;
+    Instructions::ALL.into_iter().rev().find(usable).unwrap_or(Instructions::Portable)
+}
+
 /// The name of the lanes that [`widest`] chooses on this machine.
 pub fn name() -> &'static str {
-    #[cfg(target_arch = "x86_64")]
-    if avx512::detected() {
-        return "AVX-512, 8 lanes";
-    }
-    "portable, 8 lanes"
+    chosen().name()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Runs with nothing wider than these instructions. Tests share the limit: one at a time.
+    fn limited<T>(instructions: Instructions, run: impl FnOnce() -> T) -> T {
+        static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
+        let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+        limit(instructions);
+        let out = run();
+        limit(Instructions::Avx512);
+        out
+    }
+
     /// Every operation, folded into numbers that two instruction sets must agree on.
-    struct Everything<'a>(&'a [f64], &'a [u32]);
+    struct Everything<'a>(&'a [f64], &'a [u16]);
     impl Kernel for Everything<'_> {
         type Output = Vec<f64>;
         #[inline(always)]
@@ -787,11 +880,14 @@ mod tests {
     fn instruction_sets_agree() {
         let data: Vec<f64> = (0..256).map(|k| ((k * 7919 % 1009) as f64 - 504.0) / 100.0).collect();
         // repeated far points: the subtraction must see its own writes
-        let index: Vec<u32> = (0..64).map(|k| (k * k % 37) as u32 % 13).collect();
-        let (a, b) = (widest(Everything(&data, &index)), portable(Everything(&data, &index)));
-        assert_eq!(a.len(), b.len());
-        for (x, y) in a.iter().zip(&b) {
-            assert!(x.is_finite() && (x - y).abs() <= 1e-12 * (1.0 + y.abs()), "{x} {y}");
+        let index: Vec<u16> = (0..64).map(|k| (k * k % 37) as u16 % 13).collect();
+        let b = portable(Everything(&data, &index));
+        for i in [Instructions::Avx2, Instructions::Avx512].into_iter().filter(|i| i.available()) {
+            let a = limited(i, || widest(Everything(&data, &index)));
+            assert_eq!(a.len(), b.len());
+            for (x, y) in a.iter().zip(&b) {
+                assert!(x.is_finite() && (x - y).abs() <= 1e-12 * (1.0 + y.abs()), "{i:?}: {x} {y}");
+            }
         }
     }
 
@@ -829,15 +925,17 @@ mod tests {
     #[test]
     fn points_abreast_agree_with_the_portable_ones() {
         let data: Vec<f64> = (0..128).map(|k| ((k * 7919 % 1009) as f64 - 504.0) / 100.0).collect();
-        let one = [widest_abreast(EverythingAbreast::<false>(&data)), portable_abreast(EverythingAbreast::<false>(&data))];
-        let two = [widest_abreast(EverythingAbreast::<true>(&data)), portable_abreast(EverythingAbreast::<true>(&data))];
-        for [a, b] in [&one, &two] {
-            assert_eq!(a.len(), b.len());
-            for (x, y) in a.iter().zip(b) {
-                assert!(x.is_finite() && (x - y).abs() <= 1e-12 * (1.0 + y.abs()), "{x} {y}");
+        let portable = portable_abreast(EverythingAbreast::<false>(&data));
+        for i in Instructions::ALL.into_iter().filter(|i| i.available()) {
+            let single = limited(i, || widest_abreast(EverythingAbreast::<false>(&data)));
+            let paired = limited(i, || widest_abreast(EverythingAbreast::<true>(&data)));
+            for a in [single, paired] {
+                assert_eq!(a.len(), portable.len());
+                for (x, y) in a.iter().zip(&portable) {
+                    assert!(x.is_finite() && (x - y).abs() <= 1e-12 * (1.0 + y.abs()), "{i:?}: {x} {y}");
+                }
             }
         }
-        assert_eq!(one[1][128..], two[1][128..]);
     }
 
     #[test]
@@ -850,7 +948,7 @@ mod tests {
     }
 
     /// ln, ln(1 + x), eˣ and eˣ − 1 of numbers, in rows.
-    struct Functions<'a>(&'a [f64], &'a [u32]);
+    struct Functions<'a>(&'a [f64], &'a [u16]);
     impl Kernel for Functions<'_> {
         type Output = Vec<f64>;
         #[inline(always)]
@@ -919,8 +1017,12 @@ mod tests {
                 1.0 + 1e-7 * u,
             ]);
         }
-        let index: Vec<u32> = (0..x.len() as u32).collect();
-        for (name, out) in [("widest", widest(Functions(&x, &index))), ("portable", portable(Functions(&x, &index)))] {
+        for i in Instructions::ALL.into_iter().filter(|i| i.available()) {
+            let some = |x: &[f64]| {
+                let index: Vec<u16> = (0..x.len() as u16).collect();
+                widest(Functions(x, &index))
+            };
+            let (name, out) = (i.name(), limited(i, || x.chunks(1 << 15).flat_map(some).collect::<Vec<_>>()));
             let mut worst = [0.0f64; 5];
             for (x, got) in x.iter().zip(out.chunks(5)) {
                 let want = [x.ln(), x.ln_1p(), x.exp(), x.exp_m1(), x.powf(1.5)];

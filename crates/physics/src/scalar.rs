@@ -129,7 +129,7 @@ pub trait Scalar:
     }
 
     /// The far point(s) of the bond slot `at`.
-    fn index(list: &[u32], at: usize) -> Self::Index;
+    fn index(list: &[u16], at: usize) -> Self::Index;
     /// One point for every bond of the number.
     fn splat_index(i: usize) -> Self::Index;
     /// A number per bond slot.
@@ -175,8 +175,8 @@ macro_rules! one_bond {
             self * a + b
         }
         #[inline(always)]
-        fn index(list: &[u32], at: usize) -> u32 {
-            list[at]
+        fn index(list: &[u16], at: usize) -> u32 {
+            list[at].into()
         }
         #[inline(always)]
         fn splat_index(i: usize) -> u32 {

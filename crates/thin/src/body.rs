@@ -414,17 +414,7 @@ impl<const D: usize> Thin<D> {
         if let Some(extension) = &self.extension {
             let intact = || extension.intact_bonds(point);
             let c = extension.dilatational[point];
-            let at = |q: usize| {
-                let b = &extension.bonds[q];
-                let mut eta = self.ends.value(b.end, u);
-                (0..D).for_each(|k| eta[k] -= centre[k]);
-                let arm = &self.arms[b.arm as usize];
-                let mut y = stretch(&arm.vector, b.sign, arm.length, &eta);
-                if let Some(rest) = &self.rest {
-                    y.extension -= rest.extensions[q];
-                }
-                y
-            };
+            let at = |q: usize| self.stretched(extension, q, &centre, u);
             let mut theta = 0.0;
             if c != 0.0 {
                 for q in intact() {

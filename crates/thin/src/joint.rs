@@ -11,8 +11,10 @@ use crate::ThinError;
 use crate::body::Thin;
 use crate::extension::Extension;
 use crate::frame::{Bend, Frames, bent, norm, sub};
+use crate::interpolation::{Interpolation, inside, weights};
 use crate::layout::Layout;
 use crate::stencil::Stencil;
+use crate::surface::{Grid, Surface};
 
 /// A pair across a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,23 +59,133 @@ pub struct Across {
     pub stiffness: f64,
 }
 
+/// How far from a point another may be to be in the same place, in spacings.
+const SAME: f64 = 1e-6;
+
+/// Ties of a part where it touches another: each point of `follower` that lies on `leader` follows the point of it in the same place, or,
+/// between points, those around by quadratic weights ([`Interpolation::Quadratic`]). Numbers of points count from the first of each part.
+///
+/// A point between those of a curved surface does not lie where its weights put it, and is left out beyond a millionth of a spacing: rotations of the
+/// body would strain it. Give curved parts points in the same places.
+pub fn touching(leader: &Surface, first: u32, follower: &Surface, first_follower: u32) -> Vec<(u32, Vec<(u32, f64)>)> {
+    let top = leader.spacing.iter().fold(0.0f64, |m, h| m.max(*h));
+    let grid = Grid::new(&leader.positions, top);
+    let (mut order, mut list) = (vec![], vec![]);
+    let mut ties = vec![];
+    for (p, x) in follower.positions.iter().enumerate() {
+        let mut nearest: Option<(f64, u32)> = None;
+        grid.near(x, top, |q| {
+            let r = norm(&sub(&leader.positions[q as usize], x));
+            if nearest.is_none_or(|n| r < n.0 || (r == n.0 && q < n.1)) {
+                nearest = Some((r, q));
+            }
+        });
+        let Some((r, q)) = nearest else { continue };
+        let h = leader.spacing[q as usize];
+        if r <= SAME * h {
+            ties.push((p as u32 + first_follower, vec![(q + first, 1.0)]));
+            continue;
+        }
+        // between points: within the surface, at a place that the weights reproduce
+        let axes = leader.axes(q as usize);
+        let mut near: Vec<crate::interpolation::Near> = vec![];
+        grid.near(x, 3.3 * h, |o| near.push((o, leader.log(q as usize, &axes, &leader.positions[o as usize]))));
+        near.sort_unstable_by_key(|n| n.0);
+        let place = leader.log(q as usize, &axes, x);
+        if !inside(leader.dimension, &place, &near, h)
+            || !weights(Interpolation::Quadratic, leader.dimension, &place, &near, h, &mut order, &mut list)
+        {
+            continue;
+        }
+        let mut put = [0.0; 3];
+        list.iter().for_each(|(o, w)| (0..3).for_each(|k| put[k] += w * leader.positions[*o as usize][k]));
+        if norm(&sub(&put, x)) <= SAME * h {
+            ties.push((p as u32 + first_follower, list.iter().map(|(o, w)| (o + first, *w)).collect()));
+        }
+    }
+    ties
+}
+
+/// Ties of several joints as one list for [`Thin::tie`]: points that follow a follower follow whom that follows, each point once.
+pub fn resolved(joints: impl IntoIterator<Item = Vec<(u32, Vec<(u32, f64)>)>>) -> Vec<(u32, Vec<(u32, f64)>)> {
+    type Ties = std::collections::BTreeMap<u32, Vec<(u32, f64)>>;
+    let expand = |list: &[(u32, f64)], with: &Ties| -> Vec<(u32, f64)> {
+        let mut out: Vec<(u32, f64)> = vec![];
+        for (q, w) in list {
+            let own = [(*q, 1.0)];
+            for (o, v) in with.get(q).map_or(&own[..], |l| l) {
+                match out.iter_mut().find(|e| e.0 == *o) {
+                    Some(e) => e.1 += w * v,
+                    None => out.push((*o, w * v)),
+                }
+            }
+        }
+        out
+    };
+    let mut ties = Ties::new();
+    for (p, list) in joints.into_iter().flatten() {
+        let list = expand(&list, &ties);
+        if ties.contains_key(&p) || list.iter().any(|l| l.0 == p) {
+            continue;
+        }
+        let one = Ties::from([(p, list)]);
+        ties.values_mut().filter(|l| l.iter().any(|e| e.0 == p)).for_each(|l| *l = expand(l, &one));
+        ties.extend(one);
+    }
+    ties.into_iter().collect()
+}
+
+/// Points of a line in their order along it, each with the length of the line that belongs to it (length). The line may close.
+pub fn along_line(positions: &[[f64; 3]], points: &[u32]) -> Vec<(u32, f64)> {
+    let x = |p: u32| &positions[p as usize];
+    let gap = |a: u32, b: u32| norm(&sub(x(a), x(b)));
+    let Some(&any) = points.iter().min() else { return vec![] };
+    if points.len() == 1 {
+        return vec![(any, 1.0)];
+    }
+    let nearest = |from: u32, left: &[u32]| left.iter().copied().min_by(|a, b| gap(from, *a).total_cmp(&gap(from, *b)).then(a.cmp(b)));
+    let walk = |start: u32| {
+        let mut left: Vec<u32> = points.iter().copied().filter(|p| *p != start).collect();
+        let mut chain = vec![start];
+        while let Some(next) = nearest(chain[chain.len() - 1], &left) {
+            left.retain(|p| *p != next);
+            chain.push(next);
+        }
+        chain
+    };
+    // an end is the point farthest from any; of a closed line every point is as good
+    let far = points.iter().copied().max_by(|a, b| gap(any, *a).total_cmp(&gap(any, *b)).then(b.cmp(a))).unwrap_or(any);
+    let chain = walk(far);
+    let gaps: Vec<f64> = chain.windows(2).map(|w| gap(w[0], w[1])).collect();
+    let closing = gap(chain[0], chain[chain.len() - 1]);
+    let closed = chain.len() > 4 && closing <= 1.5 * gaps.iter().fold(0.0f64, |m, g| m.max(*g));
+    let end = if closed { closing } else { 0.0 };
+    let at = |k: usize| gaps.get(k).copied().unwrap_or(end);
+    (0..chain.len()).map(|k| (chain[k], 0.5 * (if k == 0 { end } else { at(k - 1) } + at(k)))).collect()
+}
+
 impl<const D: usize> Thin<D> {
-    /// Several bodies as one; the points of each come after those of the one before. Laws must agree.
+    /// Several bodies as one; the points of each come after those of the one before.
     ///
     /// # Errors
-    /// [`ThinError::Unsupported`] for bodies under a prescribed tension, or of different laws.
+    /// [`ThinError::Unsupported`] for bodies under a prescribed tension, with a stress-free shape of their own, or of different kinematics.
     pub fn join(bodies: Vec<Thin<D>>) -> Result<Thin<D>, ThinError> {
         let Some(head) = bodies.first() else {
             return Err(ThinError::TooFew { what: "structure", points: 0, least: 1 });
         };
         let (law, kinematics) = (head.law, head.kinematics);
-        if bodies.iter().any(|b| b.law != law || b.kinematics != kinematics) {
-            return Err(ThinError::Unsupported { what: "bodies of different laws joined into one", remedy: "give all the same law" });
-        }
-        if bodies.iter().any(|b| b.prestress.is_some()) {
+        if bodies.iter().any(|b| b.kinematics != kinematics) {
             return Err(ThinError::Unsupported {
-                what: "a body under a prescribed tension joined with others",
-                remedy: "stretch it by displacements of its edges",
+                what: "bodies whose angles are measured in different ways joined into one",
+                remedy: "measure all in one way",
+            });
+        }
+        let laws: Vec<crate::pairs::Law> = bodies.iter().flat_map(|b| (0..b.points()).map(|p| b.law_of(p))).collect();
+        let history = laws.iter().any(|l| l.has_history());
+        if bodies.iter().any(|b| b.prestress.is_some() || b.rest.is_some()) {
+            return Err(ThinError::Unsupported {
+                what: "a body under a prescribed tension, or with a stress-free shape, joined with others",
+                remedy: "stretch it by displacements of its edges; give its shape as a surface",
             });
         }
         let layout = Layout::joined(&bodies.iter().map(|b| &b.layout).collect::<Vec<_>>());
@@ -143,7 +255,10 @@ impl<const D: usize> Thin<D> {
             isotropic.extend_from_slice(&b.isotropic);
             measure.extend_from_slice(&b.measure);
             intact.extend_from_slice(&b.intact);
-            plastic.extend_from_slice(&b.plastic);
+            match b.plastic.is_empty() {
+                true if history => plastic.resize(plastic.len() + b.pairs.len(), 0.0),
+                _ => plastic.extend_from_slice(&b.plastic),
+            }
             first += n as u32;
         }
         if extension.critical.iter().all(|c| c.is_infinite()) {
@@ -153,6 +268,7 @@ impl<const D: usize> Thin<D> {
         let mut whole =
             Thin::assemble_framed(layout, ends, arms, starts, pairs, isotropic, measure, law, kinematics, framed.then_some(frames))?;
         (whole.intact, whole.plastic) = (intact, plastic);
+        whole.laws = if laws.iter().any(|l| *l != law) { laws } else { vec![] };
         whole.extension = (D > 1).then_some(extension);
         whole.joints = (!joints.pairs.is_empty()).then_some(joints);
         whole.dependent = dependent;
@@ -257,6 +373,22 @@ impl<const D: usize> Thin<D> {
         self.joints = Some(joints);
         self.forget();
         Ok(())
+    }
+
+    /// Takes out the joint pairs whose arms `cut` says a crack crosses; returns how many.
+    pub(crate) fn cut_joints(&mut self, cut: &impl Fn(&[f64; 3], &[f64; 3]) -> bool) -> usize {
+        let Some(old) = &self.joints else { return 0 };
+        let mut kept = Joints { starts: vec![0], pairs: vec![] };
+        for (p, x) in self.layout.positions.iter().enumerate() {
+            let crossed =
+                |pair: &&JointPair| [&pair.bend.plus, &pair.bend.minus].iter().any(|arm| cut(x, &[0, 1, 2].map(|k| x[k] + arm[k])));
+            kept.pairs.extend(old.family(p).iter().filter(|pair| !crossed(pair)).copied());
+            kept.starts.push(kept.pairs.len());
+        }
+        let gone = old.pairs.len() - kept.pairs.len();
+        self.joints = Some(kept);
+        self.forget();
+        gone
     }
 
     /// Joint pairs as stiff as a plate of bending stiffness `rigidity`: for each point of the joint line (`centres`, with the length of the line

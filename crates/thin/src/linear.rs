@@ -121,12 +121,23 @@ pub fn solve(structure: &mut ThinStructure<1>, t: f64, threads: usize) -> Result
     structure.prescribe(t, &mut u);
     let mut load = vec![0.0; n];
     structure.external(t, &mut load);
-    let mut residual = vec![0.0; n];
-    let mut change = vec![0.0; n];
+    let solved = |residual: &[f64], change: &mut [f64]| factor.solve(residual, change).map(drop).map_err(factor_error);
+    refine(12, u, points, |u, residual| precise_residual(&structure.body, u, &load, residual), solved)
+}
+
+/// Corrects `u` up to `passes` times, as long as corrections shrink: the first time it is the solution itself, from what `u` prescribes.
+fn refine(
+    passes: usize,
+    mut u: Vec<f64>,
+    points: usize,
+    residual_at: impl Fn(&[f64], &mut [f64]),
+    mut solved: impl FnMut(&[f64], &mut [f64]) -> Result<(), LinearError>,
+) -> Result<LinearSolution, LinearError> {
+    let (mut residual, mut change) = (vec![0.0; u.len()], vec![0.0; u.len()]);
     let (mut lost, mut error, mut corrections) = (0.0, 0.0, 0);
-    for pass in 0..12 {
-        precise_residual(&structure.body, &u, &load, &mut residual);
-        factor.solve(&residual, &mut change).map_err(factor_error)?;
+    for pass in 0..passes {
+        residual_at(&u, &mut residual);
+        solved(&residual, &mut change)?;
         u.iter_mut().zip(&change).for_each(|(u, c)| *u += c);
         let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let now = if largest(&u) > 0.0 { largest(&change) / largest(&u) } else { 0.0 };
@@ -254,29 +265,10 @@ pub fn solve_linearised<const D: usize>(structure: &mut ThinStructure<D>, t: f64
     structure.prescribe(t, &mut u);
     let mut load = vec![0.0; dofs];
     structure.external(t, &mut load);
-    let (mut residual, mut change) = (vec![0.0; dofs], vec![0.0; dofs]);
-    let (mut lost, mut error, mut corrections) = (0.0, 0.0, 0);
-    for pass in 0..6 {
-        matrix.product(&u, &mut residual);
+    let residual_at = |u: &[f64], residual: &mut [f64]| {
+        matrix.product(u, residual);
         residual.iter_mut().zip(&load).for_each(|(r, f)| *r = f - *r);
-        factor.solve(&residual, &mut change).map_err(factor_error)?;
-        u.iter_mut().zip(&change).for_each(|(u, c)| *u += c);
-        let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        let now = if largest(&u) > 0.0 { largest(&change) / largest(&u) } else { 0.0 };
-        if pass == 1 {
-            lost = now;
-        }
-        if pass >= 1 {
-            corrections = pass;
-            let slow = pass > 1 && now > 0.5 * error;
-            error = now;
-            if now < 1e-12 || slow {
-                break;
-            }
-        }
-    }
-    if error > 1e-3 || error.is_nan() {
-        return Err(LinearError::Lost { change: error, points });
-    }
-    Ok(LinearSolution { u, lost, error, corrections })
+    };
+    let solved = |residual: &[f64], change: &mut [f64]| factor.solve(residual, change).map(drop).map_err(factor_error);
+    refine(6, u, points, residual_at, solved)
 }

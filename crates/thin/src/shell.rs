@@ -33,7 +33,7 @@
 
 use crate::ThinError;
 use crate::angle::Kinematics;
-use crate::beam::{at, check_values};
+use crate::beam::{at, check_limits, check_values};
 use crate::body::{Arm, Thin};
 use crate::extension::{Extension, ExtensionBond};
 use crate::frame::{Bend, FrameBond, Frames, V3, bent, dot, norm, sub};
@@ -45,6 +45,37 @@ use crate::stencil::Ends;
 use crate::surface::{Form, Grid, Surface};
 use crate::weights::{Influence, fourth_moment_correction};
 use rayon::prelude::*;
+
+/// A constant of all points, or of each its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Values<'a> {
+    /// The same for all.
+    One(f64),
+    /// One per point.
+    Each(&'a [f64]),
+}
+
+impl Values<'_> {
+    /// The value of a point.
+    pub fn at(&self, point: usize) -> f64 {
+        match self {
+            Values::One(v) => *v,
+            Values::Each(list) => at(list, point),
+        }
+    }
+}
+
+impl From<f64> for Values<'_> {
+    fn from(value: f64) -> Self {
+        Values::One(value)
+    }
+}
+
+impl<'a> From<&'a [f64]> for Values<'a> {
+    fn from(list: &'a [f64]) -> Self {
+        Values::Each(list)
+    }
+}
 
 /// Horizon of each point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,7 +109,7 @@ pub struct Shell<'a> {
     /// Membrane stiffness E h (force/length), of curves EA (force); one value or one per point. Needed unless motion is across only.
     pub membrane: Option<&'a [f64]>,
     /// Poisson's ratio; curves have none.
-    pub poisson: f64,
+    pub poisson: Values<'a>,
     /// Thickness, one value or one per point, for the check against membrane locking; `None`: from `√(12 D (1 − ν²)/(E h))`.
     pub thickness: Option<&'a [f64]>,
     /// Influence function.
@@ -99,12 +130,12 @@ pub struct Shell<'a> {
 
 impl<'a> Shell<'a> {
     /// An elastic shell with the usual choices.
-    pub fn new(horizon: Horizon<'a>, rigidity: &'a [f64], membrane: &'a [f64], poisson: f64) -> Self {
+    pub fn new(horizon: Horizon<'a>, rigidity: &'a [f64], membrane: &'a [f64], poisson: impl Into<Values<'a>>) -> Self {
         Shell {
             horizon,
             rigidity,
             membrane: Some(membrane),
-            poisson,
+            poisson: poisson.into(),
             thickness: None,
             influence: Influence::Constant,
             correction: true,
@@ -266,11 +297,17 @@ impl Shell<'_> {
             return Err(ThinError::TooFew { what: "shell", points: n, least });
         }
         check_values("bending stiffness", self.rigidity, n)?;
-        for (what, values) in [("thickness", self.thickness), ("critical stretch", self.critical_stretch)] {
-            values.map_or(Ok(()), |v| check_values(what, v, n))?;
+        self.thickness.map_or(Ok(()), |v| check_values("thickness", v, n))?;
+        self.critical_stretch.map_or(Ok(()), |v| check_limits("critical stretch", v, n))?;
+        if let Values::Each(list) = self.poisson
+            && list.len() != 1
+            && list.len() != n
+        {
+            return Err(ThinError::Length { what: "Poisson's ratio", expected: n, found: list.len() });
         }
-        if surface.dimension == 2 && !(self.poisson > -1.0 && self.poisson < 0.5) {
-            return Err(ThinError::Poisson { value: self.poisson });
+        let out_of_range = |value: &f64| surface.dimension == 2 && !(*value > -1.0 && *value < 0.5);
+        if let Some(value) = (0..n).map(|p| self.poisson.at(p)).find(out_of_range) {
+            return Err(ThinError::Poisson { value });
         }
         if d == 1 && surface.form != Form::Plane {
             return Err(ThinError::Unsupported {
@@ -293,8 +330,8 @@ impl Shell<'_> {
             });
         }
         match self.limit {
-            Limit::Angle(v) => check_values("limit angle", v, n)?,
-            Limit::Layers(v) => check_values("limit curvature", v, n)?,
+            Limit::Angle(v) => check_limits("limit angle", v, n)?,
+            Limit::Layers(v) => check_limits("limit curvature", v, n)?,
             Limit::None if matches!(self.law, Law::NonlinearElastic | Law::ElasticPlastic) => {
                 return Err(ThinError::Unsupported { what: "a plastic law has no yield curvature", remedy: "give the limit" });
             }
@@ -527,7 +564,7 @@ impl Shell<'_> {
                 remedy: "turn it into that plane",
             });
         }
-        let (n, nu) = (surface.len(), self.poisson);
+        let n = surface.len();
         let seen = Self::seen(surface, &horizon, mirrors)?;
         let reach = (0..n).map(|p| horizon[p] + SUPPORT * surface.spacing[p]).fold(0.0f64, f64::max);
         let grid = Grid::new(&seen.iter().map(|s| s.position).collect::<Vec<_>>(), 0.5 * reach);
@@ -560,8 +597,9 @@ impl Shell<'_> {
         let mut isotropic = vec![0.0; n];
         let mut extension = Extension { starts: vec![0], dilatational: vec![0.0; n], ..Default::default() };
         let mut frames = Frames { starts: vec![0], ..Default::default() };
-        let off = if (3.0 * nu - 1.0).abs() < 1e-12 || surface.dimension == 1 { 0.0 } else { 3.0 * nu - 1.0 };
         for (p, raw) in families.iter().enumerate() {
+            let nu = self.poisson.at(p);
+            let off = if (3.0 * nu - 1.0).abs() < 1e-12 || surface.dimension == 1 { 0.0 } else { 3.0 * nu - 1.0 };
             let measure = surface.measure[p];
             let m: f64 = raw.pairs.iter().map(|b| b.weight * b.length * b.length).sum();
             let rigidity = at(self.rigidity, p);
@@ -656,7 +694,7 @@ impl Shell<'_> {
         let thickness = |p: usize| match (self.thickness, self.membrane, surface.dimension) {
             (Some(t), ..) => Some(at(t, p)),
             (None, Some(m), 1) => Some((12.0 * at(self.rigidity, p) / at(m, p)).sqrt()),
-            (None, Some(m), _) => Some((12.0 * at(self.rigidity, p) * (1.0 - nu * nu) / at(m, p)).sqrt()),
+            (None, Some(m), _) => Some((12.0 * at(self.rigidity, p) * (1.0 - self.poisson.at(p).powi(2)) / at(m, p)).sqrt()),
             _ => None,
         };
         report.locking = (0..n)

@@ -188,6 +188,29 @@ impl Surface {
         Ok(s)
     }
 
+    /// Several surfaces and curves as one list of points, those of each after those of the one before: for loads and pictures, not for
+    /// families. Sets are called `part.set`.
+    pub fn together(parts: &[(&str, &Surface)]) -> Self {
+        let all = || parts.iter().flat_map(|(_, s)| (0..s.len()).map(move |p| (*s, p)));
+        let (mut triangles, mut sets, mut first) = (vec![], BTreeMap::new(), 0u32);
+        for (name, s) in parts {
+            triangles.extend(s.triangles.iter().map(|t| t.map(|p| p + first)));
+            sets.extend(s.sets.iter().map(|(set, points)| (format!("{name}.{set}"), points.iter().map(|p| p + first).collect())));
+            first += s.len() as u32;
+        }
+        Surface {
+            positions: all().map(|(s, p)| s.positions[p]).collect(),
+            normals: all().map(|(s, p)| s.normals[p]).collect(),
+            measure: all().map(|(s, p)| s.measure[p]).collect(),
+            spacing: all().map(|(s, p)| s.spacing[p]).collect(),
+            dimension: parts.iter().map(|(_, s)| s.dimension).max().unwrap_or(2),
+            binormal: parts.first().map_or([0.0, 0.0, 1.0], |(_, s)| s.binormal),
+            form: Form::General { curvature: vec![[0.0; 3]; first as usize] },
+            triangles,
+            sets,
+        }
+    }
+
     /// Edges of the triangulation that belong to one triangle: the boundary.
     pub fn boundary_edges(&self) -> Vec<[u32; 2]> {
         let mut count: HashMap<[u32; 2], (u32, [u32; 2])> = HashMap::new();

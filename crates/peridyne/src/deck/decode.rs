@@ -509,7 +509,11 @@ impl Decode for SetName {
     fn decode(node: &Node, cx: &mut Context) -> Option<Self> {
         let value = String::decode(node, cx)?;
         if let Some(known) = cx.set_names.as_ref().filter(|known| !known.contains(&value)) {
-            let help = suggest(&value, known.iter().map(String::as_str));
+            let help = if value.contains(['<', '>', '=', '*', '(']) {
+                format!("for the points where something holds write `{{where: \"{value}\"}}`")
+            } else {
+                suggest(&value, known.iter().map(String::as_str))
+            };
             cx.fault(node.span, format!("there is no set `{value}`"), help);
             return None;
         }

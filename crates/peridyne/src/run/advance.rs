@@ -2,6 +2,9 @@
 
 use super::*;
 
+/// Least steps between two rows of the history, where the deck does not say how many there are: a row costs about two steps, for the energies.
+const STEPS_PER_ROW: f64 = 40.0;
+
 /// How a motion ended.
 pub(super) struct Moved {
     pub(super) exit: Exit,
@@ -17,14 +20,13 @@ pub(super) fn motion(
     problem: &Problem,
     options: &deck::VelocityVerlet,
     model: &mut (dyn Simulated + 'static),
-    u: &mut [f64],
-    v: &[f64],
+    u: &mut Vec<f64>,
+    v: &mut Vec<f64>,
     recorder: &mut Recorder,
     progress: &mut dyn Progress,
     cancel: &AtomicBool,
 ) -> Result<Moved, RunError> {
     let clock = Instant::now();
-    recorder.last_velocity = v.to_vec();
     // points that meet at the start have no stiffness to estimate a step from
     let met = model.step_limit(0.0, u, v, f64::MAX).err();
     let estimate = match options.step {
@@ -39,6 +41,7 @@ pub(super) fn motion(
             let mut force = vec![0.0; u.len()];
             if let Err(stop) = Dynamics::force(model, 0.0, u, v, &mut force) {
                 let exit = Exit::Stopped { reason: format!("at the start {stop}"), time: 0.0 };
+                recorder.last_velocity = std::mem::take(v);
                 return Ok(Moved { exit, steps: 0, step: 0.0, estimating: clock.elapsed().as_secs_f64() });
             }
             let issue = deck::Issue::new(options.span, e.to_string(), "give `step:` in the solver");
@@ -47,14 +50,15 @@ pub(super) fn motion(
     };
     let estimating = clock.elapsed().as_secs_f64();
     if let Some(stop) = met {
+        recorder.last_velocity = std::mem::take(v);
         return Ok(Moved { exit: Exit::Stopped { reason: format!("at the start {stop}"), time: 0.0 }, steps: 0, step, estimating });
     }
     let end = options.end.map_or_else(|| step * options.steps.map_or(1, |s| s.value) as f64, |e| e.value);
     let solver = VelocityVerlet { time_step: step, end, observe_every: 1, following };
-    let mut motion = Motion::at_rest(u.len(), 0.0);
-    motion.u.copy_from_slice(u);
-    motion.v.copy_from_slice(v);
+    let mut motion = Motion::at_rest(0, 0.0);
+    (motion.u, motion.v) = (std::mem::take(u), std::mem::take(v));
     recorder.span = (0.0, end);
+    recorder.least_row_interval = STEPS_PER_ROW * step;
     let result = {
         let mut observer =
             |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], v: &[f64]| recorder.step(model, report, u, v, progress);
@@ -65,7 +69,7 @@ pub(super) fn motion(
         Ok(_) => Exit::Stopped { reason: "stopped by the user".into(), time: motion.time },
         Err(e) => Exit::Stopped { reason: e.to_string(), time: motion.time },
     };
-    u.copy_from_slice(&motion.u);
+    *u = motion.u;
     recorder.last_velocity = motion.v;
     Ok(Moved { exit, steps: motion.step, step, estimating })
 }
@@ -98,18 +102,23 @@ pub(super) fn statics(
         Ok(Ended::Completed) => Exit::Completed { time: last.0 },
         Ok(_) => Exit::Stopped { reason: "stopped by the user".into(), time: last.0 },
         Err(e) => {
-            let place = match &e {
-                StaticsError::Increment { cause, .. } => cause.worst_dof().map(|dof| {
-                    let d = u.len() / recorder.points();
-                    let (id, x) = model.describe_dof(dof);
-                    format!("; worst at point {id} at ({:.6e}, {:.6e}, {:.6e}), direction {}", x[0], x[1], x[2], axis_name(dof % d))
-                }),
+            let worst = match &e {
+                StaticsError::Increment { cause, .. } => cause.worst_dof(),
                 _ => None,
             };
-            Exit::Stopped { reason: format!("{e}{}; the last good state was written", place.unwrap_or_default()), time: last.0 }
+            failed(&e, worst, model, u.len() / recorder.points(), last.0)
         }
     };
     (exit, last.1)
+}
+
+/// The end of statics that failed, with the place of the worst residual where one is known.
+fn failed(error: &dyn std::fmt::Display, worst: Option<usize>, model: &dyn Simulated, dofs_per_point: usize, time: f64) -> Exit {
+    let place = worst.map(|dof| {
+        let (id, x) = model.describe_dof(dof);
+        format!("; worst at point {id} at ({:.6e}, {:.6e}, {:.6e}), direction {}", x[0], x[1], x[2], axis_name(dof % dofs_per_point))
+    });
+    Exit::Stopped { reason: format!("{error}{}; the last good state was written", place.unwrap_or_default()), time }
 }
 
 /// What following a path needs, from the deck.
@@ -188,15 +197,11 @@ pub(super) fn follow(
             }
         }
         Err(e) => {
-            let place = match &e {
-                PathError::Step { cause, .. } => cause.worst_dof().map(|dof| {
-                    let d = u.len() / recorder.points();
-                    let (id, x) = model.describe_dof(dof);
-                    format!("; worst at point {id} at ({:.6e}, {:.6e}, {:.6e}), direction {}", x[0], x[1], x[2], axis_name(dof % d))
-                }),
+            let worst = match &e {
+                PathError::Step { cause, .. } => cause.worst_dof(),
                 _ => None,
             };
-            Exit::Stopped { reason: format!("{e}{}; the last good state was written", place.unwrap_or_default()), time: last.0 }
+            failed(&e, worst, model, u.len() / recorder.points(), last.0)
         }
     };
     (exit, last.1)

@@ -51,7 +51,7 @@ pub struct Body<const D: usize> {
     pub horizon: Vec<f64>,
     pub temperature: Vec<f64>,
     pub start: Vec<u32>,
-    pub neighbor: Vec<u32>,
+    pub neighbor: Vec<u16>,
     pub length: Vec<f64>,
     pub weight: Vec<f64>,
     /// Bits of the bonds before any broke.
@@ -76,7 +76,7 @@ impl<const D: usize> Body<D> {
         for (i, family) in families.iter().enumerate() {
             for slot in 0..family.len().div_ceil(8) * 8 {
                 let j = family[slot.min(family.len() - 1)];
-                neighbor.push(j as u32);
+                neighbor.push(j as u16);
                 length.push((0..D).map(|k| (points[j][k] - points[i][k]).powi(2)).sum::<f64>().sqrt());
                 bits.push(slot < family.len());
             }

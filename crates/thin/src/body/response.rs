@@ -1,6 +1,7 @@
 //! What a deformation leaves behind and what is told of it: plastic angles, broken pairs and bonds, curvatures and moments.
 
 use super::*;
+use crate::extension::Stretched;
 
 impl<const D: usize> Thin<D> {
     /// Commits plastic angles at an accepted state.
@@ -75,17 +76,28 @@ impl<const D: usize> Thin<D> {
         (0..self.points().div_ceil(CHUNK)).into_par_iter().map(chunk).collect::<Vec<_>>().concat()
     }
 
+    /// A bond of extension at displacements `u`; its extension is that beyond the stress-free shape.
+    #[inline(always)]
+    pub(super) fn stretched(&self, extension: &Extension, bond: usize, centre: &[f64; D], u: &[f64]) -> Stretched<D> {
+        let b = &extension.bonds[bond];
+        let mut eta = self.ends.value(b.end, u);
+        (0..D).for_each(|k| eta[k] -= centre[k]);
+        let arm = &self.arms[b.arm as usize];
+        let mut y = stretch(&arm.vector, b.sign, arm.length, &eta);
+        if let Some(rest) = &self.rest {
+            y.extension -= rest.extensions[bond];
+        }
+        y
+    }
+
     /// Stretch of the intact bonds of a point over the critical one, where there is one.
     pub(super) fn stretches(&self, point: usize, u: &[f64], mut each: impl FnMut(usize, f64)) {
         let Some(e) = &self.extension else { return };
         let Some(critical) = e.critical.get(point) else { return };
         let centre = self.ends.value(point as u32, u);
         for k in (e.starts[point]..e.starts[point + 1]).filter(|&k| e.is_intact(k)) {
-            let b = &e.bonds[k];
-            let mut eta = self.ends.value(b.end, u);
-            (0..D).for_each(|c| eta[c] -= centre[c]);
-            let arm = &self.arms[b.arm as usize];
-            each(k, stretch(&arm.vector, b.sign, arm.length, &eta).extension.abs() / (arm.length * critical));
+            let length = self.arms[e.bonds[k].arm as usize].length;
+            each(k, self.stretched(e, k, &centre, u).extension.abs() / (length * critical));
         }
     }
 
@@ -112,12 +124,16 @@ impl<const D: usize> Thin<D> {
         worst
     }
 
-    /// Breaks pairs (and bonds, numbered after the pairs) for good; a broken bond breaks the pairs of its point that it is an arm of. Normals
-    /// are those of intact bonds from then on. Returns how many pairs and bonds broke.
+    /// Breaks pairs (and bonds, numbered after the pairs) for good; a broken bond breaks the opposite one, and the pairs of both points that it is
+    /// an arm of or whose virtual end follows the point that it went to. Normals are those of intact bonds from then on. Returns how many
+    /// pairs and bonds broke.
     pub fn break_pairs(&mut self, pairs: impl IntoIterator<Item = usize>) -> usize {
         let mut broken = 0;
         let mut touched = vec![];
-        for q in pairs {
+        let n = self.points();
+        let mut work: Vec<usize> = pairs.into_iter().collect();
+        work.reverse();
+        while let Some(q) = work.pop() {
             if q < self.pairs.len() {
                 broken += usize::from(std::mem::replace(&mut self.intact[q], false));
                 continue;
@@ -134,17 +150,24 @@ impl<const D: usize> Thin<D> {
             let point = e.starts.partition_point(|&s| s <= k) - 1;
             touched.push(point);
             let end = e.bonds[k].end;
+            if (end as usize) < n {
+                let back = (e.starts[end as usize]..e.starts[end as usize + 1]).find(|&b| e.bonds[b].end == point as u32);
+                work.extend(back.filter(|&b| e.intact[b]).map(|b| b + self.pairs.len()));
+            }
             for q in self.starts[point]..self.starts[point + 1] {
-                if self.pairs[q].plus == end || self.pairs[q].minus == end {
+                let ends = &self.ends;
+                let follows = |e: u32| e == end || (e as usize >= n && (end as usize) < n && ends.stencil(e).iter().any(|s| s.0 == end));
+                if follows(self.pairs[q].plus) || follows(self.pairs[q].minus) {
                     broken += usize::from(std::mem::replace(&mut self.intact[q], false));
                 }
             }
         }
+        touched.sort_unstable();
         self.reframe(touched);
         broken
     }
 
-    /// Breaks the bonds, and the pairs with an arm or a virtual point, that `cut` says a crack crosses (from one place to the other); returns
+    /// Breaks the bonds, joint pairs, and the pairs with an arm or a virtual point, that `cut` says a crack crosses (from one place to the other); returns
     /// how many. A virtual point counts as cut where one of the points it follows is on the other side of the crack.
     pub fn cut(&mut self, cut: impl Fn(&[f64; 3], &[f64; 3]) -> bool) -> usize {
         let mut crossing = vec![];
@@ -177,7 +200,7 @@ impl<const D: usize> Thin<D> {
                 }
             }
         }
-        self.break_pairs(crossing)
+        self.cut_joints(&cut) + self.break_pairs(crossing)
     }
 
     /// Which bonds are intact; empty where all are.

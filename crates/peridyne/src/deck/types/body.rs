@@ -23,6 +23,8 @@ section! {
         visibility: bool = "true",
         /// Cracks that exist from the start: bonds that cross them are broken.
         cracks: Vec<Crack> = "[]",
+        /// Where surfaces and lines that touch are joined.
+        joints: Vec<Joint> = "[]",
     }
 }
 
@@ -70,17 +72,23 @@ choice! {
         Sphere(Sphere) = "sphere",
         /// Points with volumes from a file.
         File(PointFile) = "file",
-        /// Points on a surface (3D) or a curve (2D), with normals and areas: for shells, plates of any points, and curved beams.
+        /// Points on a surface (3D) or a curve (2D), with normals and areas: for shells, plates of any points, and curved beams. Several of
+        /// them, each with a `block` name, are parts of one structure, see `joints`.
         Surface(SurfaceSource) = "surface",
     }
 }
 
 section! {
     /// Points on a surface or curve. Named sets come with it: `x_min`, `x_max`, `y_min`, `y_max` of panels, `around_min`, `around_max`,
-    /// `along_min`, `along_max` of cylinders, `pole`, `inner`, `outer`, `meridian_min`, `meridian_max` of spheres, `start`, `end` of rings.
+    /// `along_min`, `along_max` of cylinders, `pole`, `inner`, `outer`, `meridian_min`, `meridian_max` of spheres, `start`, `end` of rings and
+    /// lines; with several surfaces after the name of the block, as in `skin.x_min`.
     pub struct SurfaceSource as "a surface" {
         /// Its shape.
         shape: SurfaceShape,
+        /// Name of the points, usable like a set.
+        block: Option<Text>,
+        /// Where it is, if not where its shape is described.
+        place: Option<SurfacePlace>,
         /// Random shifts along the surface, edges apart.
         jitter: Option<Jitter>,
         /// Regions without points: holes.
@@ -103,6 +111,8 @@ choice! {
         Torus(TorusShape) = "torus",
         /// A ring or arc in the plane of x and y, about the origin (2D).
         Ring(RingShape) = "ring",
+        /// A straight line: in 2D a beam of a `shell`, in 3D a `bond_pair_beam` with `motion: spatial`, for example a stiffener of a plate.
+        Line(LineShape) = "line",
         /// Triangles from a file, STL or OBJ by its ending; the points are their corners.
         Mesh(MeshShape) = "mesh",
     }
@@ -179,6 +189,50 @@ section! {
         around: [Quantity<Angle>; 2] = "[0, 360 deg]",
         /// Cells.
         cells: Count where POSITIVE,
+    }
+}
+
+section! {
+    /// A straight line.
+    pub struct LineShape as "a straight line" {
+        /// First end.
+        from: Position,
+        /// Second end.
+        to: Position,
+        /// Cells.
+        cells: Count where POSITIVE,
+    }
+}
+
+section! {
+    /// Where a surface is: its shape is turned so that its x and y axes point along the given directions, then shifted.
+    pub struct SurfacePlace as "a place of a surface" {
+        /// Where the origin of the shape goes.
+        origin: [Quantity<Length>; 3] = "[0, 0, 0]",
+        /// Direction of its x axis, of any length.
+        x: [Quantity<Number>; 3] = "[1, 0, 0]",
+        /// Direction of its y axis, of any length, at a right angle to x.
+        y: [Quantity<Number>; 3] = "[0, 1, 0]",
+    }
+}
+
+section! {
+    /// Two parts joined where they touch: points of the second follow those of the first in the same place or, between points of a flat part, around.
+    pub struct Joint as "a joint" {
+        /// The blocks of both parts.
+        between: [Text; 2],
+        /// What the joint transmits.
+        kind: JointKind = "rigid",
+    }
+}
+
+choice! {
+    /// What a joint transmits.
+    pub enum JointKind as "a kind of joint" {
+        /// Forces and moments: bond pairs across the joint keep the angle between the parts, as stiff as these. Such pairs do not break.
+        Rigid = "rigid",
+        /// Forces alone.
+        Hinge = "hinge",
     }
 }
 
@@ -531,7 +585,11 @@ fn check_body(body: &Body, cx: &mut Context) {
             Points::Cylinder(shape) => (3, shape.span),
             Points::Sphere(shape) => (3, shape.span),
             Points::File(file) => (dimension, file.span),
-            Points::Surface(shape) => (if matches!(shape.shape, SurfaceShape::Ring(_)) { 2 } else { 3 }, shape.span),
+            Points::Surface(shape) => match shape.shape {
+                SurfaceShape::Ring(_) => (2, shape.span),
+                SurfaceShape::Line(_) => (dimension.max(2), shape.span),
+                _ => (3, shape.span),
+            },
         };
         wrong_dimension(points.name(), needs, span, dimension, ["line", "rectangle` or `disc", "box`, `cylinder` or `sphere"], cx);
     }

@@ -18,8 +18,9 @@ section! {
         frames: Option<Count>,
         /// Time between frames; this or `frames`. Without both there are 20 frames.
         every: Option<Quantity<Time>> where POSITIVE,
-        /// Most rows of the history.
-        history: Count = "1000",
+        /// Most rows of the history. Without this and `history_every` there are up to 1000; in motions by explicit steps at least 40 steps apart,
+        /// as energies take about the time of two steps.
+        history: Option<Count>,
         /// Time between rows of the history.
         history_every: Option<Quantity<Time>> where POSITIVE,
         /// Further columns of the history: fields reduced over sets.

@@ -6,7 +6,7 @@ use crate::deck::quantity::{
 };
 
 section! {
-    /// A beam of bond pairs (1D). Give `youngs_modulus` with a `cross_section`, or the stiffnesses.
+    /// A beam of bond pairs: in 1D, or with `motion: spatial` along a line in 3D, where it stiffens plates and shells. Give `youngs_modulus` with a `cross_section`, or the stiffnesses.
     pub struct BondPairBeam as "a bond-pair beam" check check_beam {
         /// Young's modulus.
         youngs_modulus: Option<SpaceField<Pressure>> where POSITIVE,
@@ -422,7 +422,11 @@ fn dimension_is(name: &str, dimension: usize, span: crate::deck::Span, cx: &mut 
 }
 
 fn check_beam(beam: &BondPairBeam, cx: &mut Context) {
-    dimension_is("bond_pair_beam", 1, beam.span, cx);
+    match (&beam.motion, cx.dimension) {
+        // a line in space, for example a stiffener
+        (BeamMotion::Spatial, Some(3)) => cx.thin = true,
+        _ => dimension_is("bond_pair_beam", 1, beam.span, cx),
+    }
     let from_section = beam.cross_section.is_some() && beam.youngs_modulus.is_some();
     if beam.bending_stiffness.is_none() && !from_section {
         cx.fault(beam.span, "the bending stiffness is not known", "give `bending_stiffness`, or `youngs_modulus` and `cross_section`");
