@@ -87,10 +87,7 @@ fn block<const D: usize>(r: &Rotation, along_axes: bool, kind: fn() -> Kind, fin
 fn measured<const D: usize>(s: &mut dyn Simulated, r: &Rotation, u: &[f64], v: &[f64]) -> Vec<f64> {
     let back: Rotation = std::array::from_fn(|i| std::array::from_fn(|k| r[k][i]));
     let space = s.field(bodies::measures::FieldName::Displacement, 1.0, u, v);
-    let mut out: Vec<f64> = space
-        .chunks(3)
-        .flat_map(|u| turned(&back, [u[0], u[1], u[2]]))
-        .collect();
+    let mut out: Vec<f64> = space.chunks(3).flat_map(|u| turned(&back, [u[0], u[1], u[2]])).collect();
     for condition in 0..=D {
         out.extend(turned(&back, s.resultant(condition, 1.0, u, None)));
     }

@@ -794,8 +794,7 @@ fn conditions(problem: &Problem) -> Vec<loads::Condition> {
             })
         };
     }
-    for c in &deck.conditions {
-        let name = c.label();
+    for (c, name) in deck.conditions.iter().zip(deck::labels(&deck.conditions)) {
         let points = c.set().map(|s| problem.set(&s.value).to_vec()).unwrap_or_default();
         match c {
             Condition::Displacement(d) => {

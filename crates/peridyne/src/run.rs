@@ -1,11 +1,11 @@
 //! A run: the deck's solver over the assembled body, with what is observed on the way and written at the end.
 
 use crate::deck::{self, Auto, Deck, DeckErrors, FieldComponent, Moment, Solver};
-use crate::field_units::unit_of;
+use crate::field_units::{unit_in, unit_of, unit_of_column};
 use crate::modes;
 use crate::output::background::{BackgroundFile, Frame};
 use crate::output::picture::{self, Deformation, Options, Range, Shown, View};
-use crate::output::plot::{Axis, Curve, Plot, Style};
+use crate::output::plot::{Axis, Curve, Legend, Plot, Style};
 use crate::output::summary::{Constant, Exit, Sizes, Summary, Timing, Verdict};
 use crate::output::table::{History, write_final};
 use crate::output::{Field, FieldValues, OutputError, Snapshot, color::ColorMap};
@@ -722,7 +722,11 @@ impl<'a> Recorder<'a> {
             let damage = p.field.field.name() == "damage";
             let mut options = Options {
                 title: Some(self.problem.deck.title.value.clone()),
-                caption: Some(format!("{label} at {t:.4e}")),
+                caption: Some(match (frame, &self.problem.deck.solver) {
+                    (Some(k), Solver::Vibration(_) | Solver::Buckling(_)) => format!("{label}, mode {k}"),
+                    (_, Solver::VelocityVerlet(_)) => format!("{label} at {} {}", short(t), self.problem.deck.units.symbols()[2]),
+                    _ => format!("{label} at time {}", short(t)),
+                }),
                 colors: if damage {
                     ColorMap::Ember
                 } else if signed {
@@ -749,7 +753,7 @@ impl<'a> Recorder<'a> {
             let file = frame.map_or_else(|| format!("{name}.png"), |k| format!("{name}_{k:04}.png"));
             let units = &self.problem.deck.units;
             options.length_unit = unit_of(FieldName::Displacement, units);
-            let unit = FieldName::parse(p.field.field.name()).and_then(|field| unit_of(field, units));
+            let unit = FieldName::parse(p.field.field.name()).and_then(|field| unit_in(self.problem, field));
             let shown = Shown { name: &label, unit: unit.as_deref(), values: &shown };
             let picture = match &self.problem.surface {
                 Some(surface) if surface.dimension == 2 => {
@@ -840,7 +844,8 @@ impl<'a> Recorder<'a> {
                     ));
                     continue;
                 };
-                plot.x = Axis::new(x.value.clone());
+                plot.x = axis(x.value.clone(), unit_of_column(self.problem, &x.value));
+                plot.y = common(ys.iter().map(|y| (y.value.clone(), unit_of_column(self.problem, &y.value))).collect(), &mut plot.legend);
                 for y in ys {
                     match column(&y.value) {
                         Some(b) => plot = plot.curve(Curve::new(y.value.clone(), self.rows.rows.iter().map(|r| [r[a], r[b]]).collect())),
@@ -857,7 +862,12 @@ impl<'a> Recorder<'a> {
             if let (Some(line), Some(fields)) = (&p.along, &p.fields) {
                 let (a, b) = (line.from.point(), line.to.point());
                 let on = along(&self.reference, &self.edge, a, b);
-                plot.x = Axis::new("distance along the line");
+                plot.x = axis("distance along the line".into(), unit_of(FieldName::Displacement, &self.problem.deck.units));
+                let unit = |f: &FieldComponent| FieldName::parse(f.field.name()).and_then(|field| unit_in(self.problem, field));
+                plot.y = common(fields.iter().map(|f| (f.to_string(), unit(f))).collect(), &mut plot.legend);
+                if p.analytic.is_some() {
+                    plot.legend = Legend::Inside;
+                }
                 for f in fields {
                     let values = component(model, f, t, u, v);
                     plot = plot.curve(Curve::new(f.to_string(), on.iter().map(|&(s, q)| [s, values[q]]).collect()));
@@ -872,6 +882,31 @@ impl<'a> Recorder<'a> {
         }
         Ok(())
     }
+}
+
+/// A number of a caption: five digits at most.
+fn short(x: f64) -> String {
+    let rounded: f64 = format!("{x:.4e}").parse().unwrap_or(x);
+    if rounded == 0.0 || (1e-3..1e5).contains(&rounded.abs()) { rounded.to_string() } else { format!("{rounded:e}") }
+}
+
+fn axis(label: String, unit: Option<String>) -> Axis {
+    let axis = Axis::new(label);
+    match unit {
+        Some(unit) => axis.unit(unit),
+        None => axis,
+    }
+}
+
+/// The ordinate of several curves: the one curve's name and unit (it then needs no legend), or the unit they share.
+fn common(mut curves: Vec<(String, Option<String>)>, legend: &mut Legend) -> Axis {
+    if let [_] = curves[..] {
+        *legend = Legend::None;
+        let (name, unit) = curves.remove(0);
+        return axis(name, unit);
+    }
+    let first = curves.first().and_then(|c| c.1.clone());
+    Axis::new(first.filter(|unit| curves.iter().all(|c| c.1.as_ref() == Some(unit))).unwrap_or_default())
 }
 
 /// Points within half a cell of the line from `a` to `b`, as distance along it and index, in order.

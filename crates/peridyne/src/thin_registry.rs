@@ -1,4 +1,4 @@
-//! Beams and plates: from the deck to a [`ThinStructure`].
+//! Beams and plates: from the deck to a body that solvers see ([`thin::structure::ThinStructure`]).
 
 use crate::deck::{
     self, AngleMeasure, BeamMotion, BondMultiplePlate, BondPairBeam, Condition, CrossSection, Issue, Model, PairBehavior, PairPotential,
@@ -7,6 +7,7 @@ use crate::deck::{
 use crate::problem::Problem;
 use crate::registry::{Assembly, Derived};
 use bodies::loads::Field;
+use bodies::measures::FieldName;
 use thin::ThinError;
 use thin::angle::{Kinematics, Potential};
 use thin::beam::Beam;
@@ -16,7 +17,7 @@ use thin::loads::{Action, Condition as Load, Follow, couple, spread};
 use thin::pairs::Law;
 use thin::plate::{IsotropicWeight, Limit, Plate};
 use thin::section::{ArmTable, Properties, Section, Weighting};
-use thin::structure::{Brittle, PointData, ThinStructure};
+use thin::structure::{Assembled, Brittle, PointData};
 use thin::weights::Influence;
 
 type Checked<T> = Result<T, Vec<Issue>>;
@@ -46,7 +47,8 @@ pub fn assemble(problem: &Problem) -> Checked<Assembly> {
     }
     let differ = |span: Span, what: &str| {
         let message = format!("the materials of a beam or plate differ in {what}, which must be the same in the whole body");
-        vec![Issue::new(span, message, "let them differ in stiffness, section, thickness, limits, behavior and density")]
+        let help = "let them differ in stiffness, section, thickness, Poisson ratio, influence, tension, limits, behavior and density";
+        vec![Issue::new(span, message, help)]
     };
     match (beams.as_slice(), plates.as_slice()) {
         ([first, rest @ ..], []) => {
@@ -64,12 +66,11 @@ pub fn assemble(problem: &Problem) -> Checked<Assembly> {
         }
         ([], [first, rest @ ..]) => {
             let of = |p: &BondMultiplePlate| {
-                let tension = p.tension.as_ref().map(|t| t.each_ref().map(|q| q.value));
-                let names = [p.motion.name(), p.angle.name(), p.influence.name(), p.isotropic_weight.name()];
-                (names, p.poisson_ratio.value, p.weight_correction, tension)
+                let names = [p.motion.name(), p.angle.name(), p.isotropic_weight.name()];
+                (names, p.weight_correction)
             };
             if let Some((_, p)) = rest.iter().find(|(_, p)| of(p) != of(first.1)) {
-                return Err(differ(p.span, "motion, angle, influence, Poisson ratio, tension or weights"));
+                return Err(differ(p.span, "`motion`, `angle`, `isotropic_weight` or `weight_correction`"));
             }
             match first.1.motion {
                 PlateMotion::Transverse => plate::<1>(problem, &plates),
@@ -83,7 +84,7 @@ pub fn assemble(problem: &Problem) -> Checked<Assembly> {
 
 /// Lists of values of several materials, each of one or all points, as one list: each point takes that of its material. Materials without a
 /// list have `missing`; `None` where no material has one.
-fn by_material(problem: &Problem, lists: Vec<Option<Vec<f64>>>, missing: f64) -> Option<Vec<f64>> {
+fn by_material<T: Copy>(problem: &Problem, lists: Vec<Option<Vec<T>>>, missing: T) -> Option<Vec<T>> {
     if lists.len() == 1 {
         return lists.into_iter().next().flatten();
     }
@@ -116,8 +117,89 @@ pub fn stress_free_shape(problem: &Problem, d: usize, u: &mut [f64]) {
     }
 }
 
+/// What is wrong and, after the last semicolon of the message, what would be right.
+fn issue(span: Span, e: &ThinError) -> Issue {
+    let text = e.to_string();
+    match text.rsplit_once("; ") {
+        Some((what, remedy)) => Issue::new(span, what, remedy),
+        None => Issue::new(span, text, "correct the deck accordingly"),
+    }
+}
+
 fn fault(span: Span) -> impl Fn(ThinError) -> Vec<Issue> {
-    move |e| vec![Issue::new(span, e.to_string(), "correct the deck accordingly")]
+    move |e| vec![issue(span, &e)]
+}
+
+/// As [`fault`]; a value that is wrong somewhere is shown where it was typed, given by its name and the number of the material, and with its place.
+fn fault_somewhere<'a>(
+    problem: &'a Problem,
+    span: Span,
+    typed: impl Fn(&str, usize) -> Option<Span> + 'a,
+) -> impl Fn(ThinError) -> Vec<Issue> + 'a {
+    move |e| match &e {
+        ThinError::NotPositive { what, point, value } => {
+            let [x, y, z] = problem.cloud.position[*point];
+            let message = format!("the {what} is {value:.6e} at ({x}, {y}, {z})");
+            let span = typed(what, problem.material[*point] as usize).unwrap_or(span);
+            vec![Issue::new(span, message, "make it positive everywhere in the body")]
+        }
+        _ => vec![issue(span, &e)],
+    }
+}
+
+/// Fields that beams, plates and shells have.
+const FIELDS: [FieldName; 11] = [
+    FieldName::Displacement,
+    FieldName::Velocity,
+    FieldName::ForceDensity,
+    FieldName::Curvature,
+    FieldName::Moment,
+    FieldName::PlasticAngle,
+    FieldName::EnergyDensity,
+    FieldName::Damage,
+    FieldName::FamilySize,
+    FieldName::Material,
+    FieldName::Id,
+];
+
+/// Measures, pictures and plots of fields that thin bodies do not have.
+fn check_fields(problem: &Problem) -> Checked<()> {
+    let output = &problem.deck.output;
+    let measured = output.measures.iter().map(|m| &m.field);
+    let drawn = output.pictures.iter().map(|p| &p.field);
+    let along = output.plots.iter().filter_map(|p| p.fields.as_ref()).flatten();
+    let known = |name: &str| FieldName::parse(name).is_some_and(|f| FIELDS.contains(&f));
+    let unknown = measured.chain(drawn).chain(along).filter(|f| !known(f.field.name()));
+    let issues: Vec<Issue> = unknown
+        .map(|f| {
+            let help = "use `curvature.xx`, `moment.xx`, `displacement.y` or another of what pairs carry";
+            Issue::new(f.span, format!("beams, plates and shells have no `{f}` of their own"), help)
+        })
+        .collect();
+    if issues.is_empty() { Ok(()) } else { Err(issues) }
+}
+
+/// Where the cross-section was typed.
+fn section_span(section: &CrossSection) -> Span {
+    match section {
+        CrossSection::Rectangle(s) => s.span,
+        CrossSection::I(s) => s.span,
+        CrossSection::Tube(s) => s.span,
+        CrossSection::Profile(s) => s.span,
+    }
+}
+
+/// A place of a load must be in the body.
+fn check_place(problem: &Problem, at: &deck::Position) -> Checked<()> {
+    let (x, p) = (at.point(), problem.nearest(at.point()));
+    let near = problem.cloud.position[p];
+    let distance = (0..3).map(|k| (x[k] - near[k]).powi(2)).sum::<f64>().sqrt();
+    if problem.surface.is_some() || distance <= problem.cloud.spacing[p] * (1.0 + 1e-6) {
+        return Ok(());
+    }
+    let message =
+        format!("the load acts outside the body: the nearest point, ({}, {}, {}), is {distance:.6e} away", near[0], near[1], near[2]);
+    Err(vec![Issue::new(at.span, message, "give a place in the body")])
 }
 
 /// Values of a field at all points, or one if it is constant.
@@ -137,12 +219,20 @@ fn combine(a: &[f64], b: &[f64], f: impl Fn(f64, f64) -> f64) -> Vec<f64> {
     (0..a.len().max(b.len())).map(|k| f(at(a, k), at(b, k))).collect()
 }
 
+/// Where the points were typed.
+fn points_span(deck: &deck::Deck) -> Span {
+    match deck.body.points.first() {
+        Some(Points::Line(s)) => s.span,
+        Some(Points::Rectangle(s)) => s.span,
+        _ => deck.body.span,
+    }
+}
+
 fn layout(problem: &Problem, plane: bool) -> Checked<Layout> {
     let deck = &problem.deck;
     let positions = &problem.cloud.position;
     let made = if plane { Layout::plane(positions) } else { Layout::line(positions) };
-    let mut mirrors = vec![];
-    let mut span = deck.body.span;
+    let (mut mirrors, mut spans) = (vec![], vec![]);
     for c in &deck.conditions {
         let (normal, at, parity) = match c {
             Condition::SimplySupported(e) if e.mirror => (Some(&e.normal.value), e.at.value, Parity::Odd),
@@ -150,13 +240,17 @@ fn layout(problem: &Problem, plane: bool) -> Checked<Layout> {
             Condition::Symmetry(s) => (s.axis(), s.at.value, Parity::Even),
             _ => continue,
         };
-        span = c.span();
+        spans.push(c.span());
         let mut n = [0.0; 3];
         // beams and plates have no other planes
         n[normal.map_or(0, |axis| axis.index())] = 1.0;
         mirrors.push(Mirror { normal: n, at, parity });
     }
-    made.map_err(fault(deck.body.span))?.with_mirrors(&mirrors).map_err(fault(span))
+    let first = spans.first().copied().unwrap_or(deck.body.span);
+    made.map_err(fault(points_span(deck)))?.with_mirrors(&mirrors).map_err(|e| {
+        let guilty = |m: &Mirror| matches!(e, ThinError::Mirror { normal, at, .. } if normal == m.normal && at == m.at);
+        vec![issue(mirrors.iter().position(guilty).map_or(first, |k| spans[k]), &e)]
+    })
 }
 
 /// Lengths or areas of the points: trapezoidal where points lie on edges, as generated or given where they are centres of cells.
@@ -229,7 +323,10 @@ fn section_of(s: &CrossSection) -> Section {
     }
 }
 
-fn beam<const D: usize>(problem: &Problem, parts: &[Of<BondPairBeam>]) -> Checked<Assembly> {
+fn beam<const D: usize>(problem: &Problem, parts: &[Of<BondPairBeam>]) -> Checked<Assembly>
+where
+    Thin<D>: Assembled,
+{
     let layout = layout(problem, false)?;
     let horizon = problem.horizon[0];
     let count = (horizon / layout.spacing[0] * (1.0 + 1e-9)).floor() as usize;
@@ -243,11 +340,20 @@ fn beam<const D: usize>(problem: &Problem, parts: &[Of<BondPairBeam>]) -> Checke
         )]);
     }
     let mut derived: Vec<Derived> = vec![("arms of a pair".into(), count as f64, "")];
+    let mut warnings = vec![];
+    if D == 1 && matches!(problem.deck.solver, deck::Solver::Buckling(_)) {
+        let help = "write `motion: planar` (and `axial_stiffness`, if there is no cross-section)";
+        return Err(vec![Issue::new(
+            parts[0].1.span,
+            "a beam that moves across alone feels no load along it, so it does not buckle",
+            help,
+        )]);
+    }
     let (mut tables, mut laws): (Vec<ArmTable>, Vec<Law>) = (vec![], vec![]);
     let (mut bendings, mut axials, mut limits, mut masses) = (vec![], vec![], vec![], vec![]);
     for (material, b) in parts {
         let properties: Option<Properties> =
-            b.cross_section.as_ref().map(|s| section_of(s).properties(count)).transpose().map_err(fault(b.span))?;
+            b.cross_section.as_ref().map(|s| section_of(s).properties(count).map_err(fault(section_span(s)))).transpose()?;
         let weighting = match b.weights {
             PairWeights::Layer => Weighting::Layer,
             PairWeights::Uniform => Weighting::Uniform,
@@ -281,6 +387,12 @@ fn beam<const D: usize>(problem: &Problem, parts: &[Of<BondPairBeam>]) -> Checke
             _ => None,
         };
         derived.push(("bending stiffness EI".into(), bending[0], "force length^2"));
+        if let Some(p) = properties.as_ref().filter(|p| D == 3 && (p.lateral_second_moment / p.second_moment - 1.0).abs() > 0.01) {
+            warnings.push(format!(
+                "a beam in space bends alike in all directions, here with the second moment {:.6e} of its section; the section itself has {:.6e} for bending the other way, along z: give a round or square section, or load it along y alone",
+                p.second_moment, p.lateral_second_moment
+            ));
+        }
         if let Some(p) = &properties {
             derived.push(("second moment of the section".into(), p.second_moment, "length^4"));
             derived.push(("plastic over yield moment of the section".into(), p.plastic_modulus / p.elastic_modulus, ""));
@@ -313,11 +425,19 @@ fn beam<const D: usize>(problem: &Problem, parts: &[Of<BondPairBeam>]) -> Checke
         kinematics: kinematics(&first.angle),
         measure: measure.as_deref(),
     };
+    let typed = |what: &str, material: usize| {
+        let b = parts[material].1;
+        match what {
+            "bending stiffness" => b.bending_stiffness.as_ref().map(|f| f.span).or(b.youngs_modulus.as_ref().map(|f| f.span)),
+            "axial stiffness" => b.axial_stiffness.as_ref().map(|f| f.span).or(b.youngs_modulus.as_ref().map(|f| f.span)),
+            _ => b.limit_curvature.as_ref().map(|f| f.span).or(b.yield_stress.as_ref().map(|f| f.span)),
+        }
+    };
     let mut body: Thin<D> = match parts.len() {
         1 => beam.build(layout),
         _ => beam.build_sections(layout, &tables, &problem.material),
     }
-    .map_err(fault(first.span))?;
+    .map_err(fault_somewhere(problem, first.span, typed))?;
     if let Some(laws) = by_point {
         body.set_laws(laws).map_err(fault(first.span))?;
     }
@@ -332,10 +452,21 @@ fn beam<const D: usize>(problem: &Problem, parts: &[Of<BondPairBeam>]) -> Checke
     }
     let breaks = parts.iter().find_map(|(_, b)| brittle(&b.behavior));
     let mass = by_material(problem, masses, 1.0).unwrap_or_default();
-    finish(problem, body, breaks, mass, derived)
+    let plastic = laws.iter().any(|l| l.has_history());
+    if D == 3 && plastic && matches!(problem.deck.solver, deck::Solver::VelocityVerlet(_)) {
+        warnings.push(
+            "sections of a beam in space are held against spinning about its axis, so bending across a plastic bend takes a twisting moment from outside: angular momentum is not kept there".into(),
+        );
+    }
+    let mut made = finish(problem, body, breaks, mass, derived)?;
+    made.warnings.extend(warnings);
+    Ok(made)
 }
 
-fn plate<const D: usize>(problem: &Problem, parts: &[Of<BondMultiplePlate>]) -> Checked<Assembly> {
+fn plate<const D: usize>(problem: &Problem, parts: &[Of<BondMultiplePlate>]) -> Checked<Assembly>
+where
+    Thin<D>: Assembled,
+{
     let layout = layout(problem, true)?;
     let horizon = problem.horizon[0];
     if problem.horizon.iter().any(|h| (h / horizon - 1.0).abs() > 1e-9) {
@@ -343,11 +474,15 @@ fn plate<const D: usize>(problem: &Problem, parts: &[Of<BondMultiplePlate>]) -> 
         return Err(vec![Issue::new(span, "a plate needs one horizon for all points", "write for example `horizon: 3*dx`")]);
     }
     let first = parts[0].1;
-    let nu = first.poisson_ratio.value;
     let mut derived: Vec<Derived> = vec![];
     let mut laws: Vec<Law> = vec![];
+    let poissons: Vec<_> = parts.iter().map(|(_, p)| Some(vec![p.poisson_ratio.value])).collect();
+    let influences: Vec<_> = parts.iter().map(|(_, p)| Some(vec![influence(&p.influence)])).collect();
+    let tension_of = |p: &BondMultiplePlate| p.tension.as_ref().map(|t| vec![t.each_ref().map(|q| q.value)]);
+    let tensions: Vec<_> = parts.iter().map(|(_, p)| tension_of(p)).collect();
     let (mut rigidities, mut membranes, mut curvatures, mut angles, mut masses) = (vec![], vec![], vec![], vec![], vec![]);
     for (material, p) in parts {
+        let nu = p.poisson_ratio.value;
         let young = p.youngs_modulus.as_ref().map(|f| values(f, problem));
         let thickness = p.thickness.as_ref().map(|f| values(f, problem));
         let solid = young.as_ref().zip(thickness.as_ref());
@@ -400,12 +535,25 @@ fn plate<const D: usize>(problem: &Problem, parts: &[Of<BondMultiplePlate>]) -> 
         _ => Limit::None,
     };
     let measure = measure(problem);
+    let poisson = by_material(problem, poissons, 0.0).unwrap_or_default();
+    let typed = |what: &str, material: usize| {
+        let p = parts[material].1;
+        let solid = || p.youngs_modulus.as_ref().map(|f| f.span);
+        match what {
+            "bending stiffness" => p.bending_stiffness.as_ref().map(|f| f.span).or_else(solid),
+            "membrane stiffness" => p.membrane_stiffness.as_ref().map(|f| f.span).or_else(solid),
+            "limit angle" => p.limit_angle.as_ref().map(|f| f.span),
+            _ => p.limit_curvature.as_ref().map(|f| f.span).or(p.yield_stress.as_ref().map(|f| f.span)),
+        }
+    };
+    let influences = by_material(problem, influences, Influence::Constant).unwrap_or_default();
+    let tension = by_material(problem, tensions, [0.0; 3]);
     let mut body: Thin<D> = Plate {
         horizon,
         rigidity: &rigidity,
-        poisson: nu,
+        poisson: &poisson,
         membrane: membrane.as_deref(),
-        influence: influence(&first.influence),
+        influence: &influences,
         correction: first.weight_correction,
         isotropic: match first.isotropic_weight {
             deck::IsotropicWeight::Energy => IsotropicWeight::Energy,
@@ -414,11 +562,11 @@ fn plate<const D: usize>(problem: &Problem, parts: &[Of<BondMultiplePlate>]) -> 
         limit,
         law: laws[0],
         kinematics: kinematics(&first.angle),
-        tension: first.tension.as_ref().map(|t| t.each_ref().map(|q| q.value)),
+        tension: tension.as_deref(),
         measure: measure.as_deref(),
     }
     .build(layout)
-    .map_err(fault(first.span))?;
+    .map_err(fault_somewhere(problem, first.span, typed))?;
     if let Some(laws) = laws_by_point(problem, &laws) {
         body.set_laws(laws).map_err(fault(first.span))?;
     }
@@ -445,8 +593,16 @@ fn finish<const D: usize>(
     brittle: Option<Brittle>,
     mass: Vec<f64>,
     mut derived: Vec<Derived>,
-) -> Checked<Assembly> {
+) -> Checked<Assembly>
+where
+    Thin<D>: Assembled,
+{
+    check_fields(problem)?;
     let mut warnings = vec![];
+    let yields = body.has_history() || brittle.is_some();
+    if yields && matches!(problem.deck.solver, deck::Solver::Statics(deck::Statics { linear: true, .. })) {
+        warnings.push("`linear: true` solves with the stiffness of the unloaded body: pairs neither yield nor break".into());
+    }
     derived.push(("bond pairs".into(), body.pair_count() as f64, ""));
     if let Some(cracks) = &problem.cracks {
         let cut = body.cut(|a, b| cracks.cut(*a, *b));
@@ -457,9 +613,8 @@ fn finish<const D: usize>(
     }
     let data = PointData { id: problem.cloud.id.clone(), user: problem.user.clone(), material: problem.material.clone(), density: mass };
     let conditions = conditions(problem, &body)?;
-    let structure =
-        ThinStructure::new(body, data, conditions, brittle, problem.end().unwrap_or(0.0)).map_err(fault(problem.deck.body.span))?;
-    Ok(Assembly { model: Box::new(structure), derived, warnings })
+    let model = body.simulated(data, conditions, brittle, problem.end().unwrap_or(0.0)).map_err(fault(problem.deck.body.span))?;
+    Ok(Assembly { model, derived, warnings })
 }
 
 /// Components in the order of a body's dofs: where it moves across alone, the one along its normal.
@@ -507,8 +662,7 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
     };
     let hold = |name: String, points: Vec<u32>, which: &[usize]| Load::hold(&name, points, which);
     let across = if D == 1 { 0 } else { problem.section.dimension().min(2) };
-    for c in &deck.conditions {
-        let name = c.label();
+    for (c, name) in deck.conditions.iter().zip(deck::labels(&deck.conditions)) {
         let points = c.set().map(|s| problem.set(&s.value).to_vec()).unwrap_or_default();
         match c {
             Condition::Displacement(d) => out.push(Load { name, action: Action::Displacement, points, components: fields!(d) }),
@@ -528,7 +682,13 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
             }
             Condition::Clamped(e) => {
                 let all: Vec<usize> = (0..D).collect();
-                out.push(hold(name, on_plane(e.normal.value.index(), e.at.value), &all));
+                let points = on_plane(e.normal.value.index(), e.at.value);
+                if points.is_empty() && problem.surface.is_none() {
+                    let message = format!("no point lies at {} = {}, so the clamp holds none", e.normal.value.name(), e.at.value);
+                    let help = "let points lie on the edge (`placement: edges`), or clamp where they are";
+                    return Err(vec![Issue::new(e.span, message, help)]);
+                }
+                out.push(hold(name, points, &all));
             }
             Condition::Symmetry(s) => {
                 let k = s.axis().map_or(0, |axis| axis.index());
@@ -547,6 +707,7 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
                 out.push(Load { name, action: Action::Mean, points, components });
             }
             Condition::PointLoad(l) => {
+                check_place(problem, &l.at)?;
                 let horizon = if l.spread { problem.horizon[0] } else { 0.0 };
                 let (points, weights) = spread(positions, l.at.point(), horizon);
                 out.push(Load { name, action: Action::Force { weights }, points, components: fields!(l) });
@@ -578,6 +739,7 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
                 if problem.section.dimension() != 1 {
                     return Err(vec![Issue::new(m.span, "a moment acts on a beam", "use two line loads on a plate")]);
                 }
+                check_place(problem, &m.at)?;
                 let (points, weights) = couple(positions, m.at.point(), body.layout().rows[0], problem.horizon[0]);
                 let f = m.value.clone();
                 let mut components = [None, None, None];
@@ -593,6 +755,10 @@ fn conditions<const D: usize>(problem: &Problem, body: &Thin<D>) -> Checked<Vec<
                 )]);
             }
         }
+    }
+    if matches!(deck.solver, deck::Solver::Statics(_)) && !out.iter().any(Load::prescribes) {
+        let help = "add `clamped`, `simply_supported`, `pin` or `displacement`";
+        return Err(vec![Issue::new(deck.conditions.first().map_or(deck.body.span, Condition::span), "nothing holds the body", help)]);
     }
     if let Some(temperature) = &deck.temperature {
         return Err(vec![Issue::new(temperature.span, "beams and plates know no temperature", "remove `temperature`")]);

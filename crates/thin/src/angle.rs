@@ -101,7 +101,7 @@ pub fn planar<S: Scalar>(arm: [f64; 2], plus: [S; 2], minus: [S; 2]) -> (S, [S; 
 
 /// q = sin²(φ/2) and c = Y+/|Y+| + Y−/|Y−|, |c|² = 4 q, in space.
 #[inline(always)]
-fn opening<S: Scalar>(arm: &[f64; 3], plus: &[S; 3], minus: &[S; 3]) -> (S, [S; 3], [S; 3], [S; 3], S, S) {
+pub(crate) fn opening<S: Scalar>(arm: &[f64; 3], plus: &[S; 3], minus: &[S; 3]) -> (S, [S; 3], [S; 3], [S; 3], S, S) {
     let a: [S; 3] = array(|k| S::of(arm[k]) + plus[k]);
     let b: [S; 3] = array(|k| S::of(-arm[k]) + minus[k]);
     let sum: [S; 3] = array(|k| plus[k] + minus[k]);

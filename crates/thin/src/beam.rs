@@ -11,6 +11,11 @@
 //! (5.1) as printed has the wrong sign and, between its two forms, a factor of 4; `W` summed over both signs of ξ counts each pair twice,
 //! which makes beams half as stiff: here each pair is counted once. For weights see [`crate::section`].
 //!
+//! **In space** a beam has one bending stiffness in all directions, so its section should be round or square, and pairs with a limit yield on
+//! circles ([`crate::turn`]). Bending in any one plane is as in the plane, and the limit moment of a round section right in every
+//! direction; a square section carries 1.5 M_y along its sides and only √2 M_y along its diagonals, where it first yields at M_y/√2: the
+//! model has 1.5 M_y and M_y there.
+//!
 //! # Holds when
 //! Evenly spaced points on a straight line. The response is softer than Euler–Bernoulli's by about 0.1 (π δ/L)²: the symbol is
 //! `⟨sinc⁴(k ξ/2)⟩` with weights ω ξ².

@@ -15,14 +15,14 @@ use rayon::prelude::*;
 use solvers::sparse::{BlockMatrix, BlockPattern, FamilyList};
 use std::sync::Arc;
 
-/// In space the plastic part of a turning angle is a vector across the axis of the pair. Rotations of the body turn it along, but how much
-/// it spins about that axis three points do not tell: it would not be objective.
+/// In a plate the bending of a family has one direction, that of its normal; pairs that yield by themselves in any direction do not know it.
 const PLASTIC_IN_SPACE: ThinError = ThinError::Unsupported {
-    what: "plastic pairs are for displacements across the body or in a plane: in space their plastic angle is a vector whose turning about the axis of the pair three points do not tell",
-    remedy: "use transverse or planar displacements, an elastic law, or a shell, whose pairs measure the curvature along its normal",
+    what: "plastic pairs of a plate that moves in space",
+    remedy: "use transverse displacements, an elastic law, or a shell, whose pairs measure the curvature along its normal",
 };
 
 mod response;
+mod spatial;
 mod tangent;
 use tangent::*;
 
@@ -161,17 +161,14 @@ impl<const D: usize> Thin<D> {
         kinematics: Kinematics,
         frames: Option<Frames>,
     ) -> Result<Self, ThinError> {
-        if frames.is_none() && D == 3 && !matches!(law, Law::Elastic(_)) {
-            return Err(PLASTIC_IN_SPACE);
-        }
         let n = pairs.len();
-        Ok(Thin {
+        let mut body = Thin {
             layout,
             ends,
             arms,
             starts,
             intact: vec![true; n],
-            plastic: vec![0.0; if law.has_history() { n } else { 0 }],
+            plastic: vec![],
             pairs,
             isotropic,
             measure,
@@ -187,7 +184,19 @@ impl<const D: usize> Thin<D> {
             members: None,
             pattern: None,
             chunks: vec![],
-        })
+        };
+        body.make_history(&[law])?;
+        Ok(body)
+    }
+
+    /// Room for the plastic angles of pairs with one of these laws.
+    fn make_history(&mut self, laws: &[Law]) -> Result<(), ThinError> {
+        if D == 3 && self.frames.is_none() && self.basis().is_none() && laws.iter().any(|l| !matches!(l, Law::Elastic(_))) {
+            return Err(PLASTIC_IN_SPACE);
+        }
+        let words = if laws.iter().any(|l| l.has_history()) { self.plastic_words() } else { 0 };
+        self.plastic = vec![0.0; words * self.pairs.len()];
+        Ok(())
     }
 
     /// Number of points.
@@ -244,16 +253,13 @@ impl<const D: usize> Thin<D> {
     /// Gives each point its own law, limits as they are.
     ///
     /// # Errors
-    /// [`ThinError::Length`]; [`ThinError::Unsupported`] for plastic pairs in space.
+    /// [`ThinError::Length`]; [`ThinError::Unsupported`] for plastic pairs of plates in space.
     pub fn set_laws(&mut self, laws: Vec<Law>) -> Result<(), ThinError> {
         if laws.len() != self.points() {
             return Err(ThinError::Length { what: "laws", expected: self.points(), found: laws.len() });
         }
-        if D == 3 && self.frames.is_none() && laws.iter().any(|l| !matches!(l, Law::Elastic(_))) {
-            return Err(PLASTIC_IN_SPACE);
-        }
+        self.make_history(&laws)?;
         self.laws = laws;
-        self.plastic = vec![0.0; if self.has_history() { self.pairs.len() } else { 0 }];
         Ok(())
     }
 
@@ -557,50 +563,6 @@ impl<const D: usize> Thin<D> {
                 at_centre[c] -= f[c];
             }
             self.ends.scatter(bond.end, &f, rows, *first);
-        }
-        energy
-    }
-
-    /// Pairs in space: energy and forces on the ends; the isotropic term with the mean curvature as a vector.
-    fn spatial_family(
-        &self,
-        point: usize,
-        u: &[f64],
-        centre: &[f64; D],
-        rows: &mut Option<(&mut [f64], usize)>,
-        at_centre: &mut [f64; D],
-    ) -> f64 {
-        let (mut energy, potential) = (0.0, self.potential(point));
-        let range = self.starts[point]..self.starts[point + 1];
-        let c = self.isotropic[point];
-        let mut mean = [0.0; D];
-        if c != 0.0 {
-            for q in range.clone().filter(|&q| self.intact[q]) {
-                let pair = &self.pairs[q];
-                let (p, m) = self.differences(pair, centre, u);
-                let weight = pair.isotropic / self.arms[pair.arm as usize].length;
-                (0..D).for_each(|k| mean[k] += weight * (p[k] + m[k]));
-            }
-            energy += c * mean.iter().map(|x| x * x).sum::<f64>();
-        }
-        for q in range.filter(|&q| self.intact[q]) {
-            let pair = &self.pairs[q];
-            let arm = &self.arms[pair.arm as usize];
-            let (p, m) = self.differences(pair, centre, u);
-            let (p3, m3) = (three(&p), three(&m));
-            energy += pair.stiffness * angle::spatial_energy(potential, &arm.vector, &p3, &m3);
-            if let Some((rows, first)) = rows {
-                let (gp, gm) = angle::spatial_gradient(potential, &arm.vector, &p3, &m3);
-                let weight = 2.0 * c * pair.isotropic / arm.length;
-                let (mut fp, mut fm) = ([0.0; D], [0.0; D]);
-                for k in 0..D {
-                    fp[k] = -pair.stiffness * gp[k] - weight * mean[k];
-                    fm[k] = -pair.stiffness * gm[k] - weight * mean[k];
-                    at_centre[k] -= fp[k] + fm[k];
-                }
-                self.ends.scatter(pair.plus, &fp, rows, *first);
-                self.ends.scatter(pair.minus, &fm, rows, *first);
-            }
         }
         energy
     }

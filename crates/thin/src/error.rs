@@ -16,7 +16,7 @@ pub enum ThinError {
     },
     /// Points of a beam off its line.
     #[error(
-        "point {point} at {position:?} lies {distance:.3e} off the line of the beam, {relative:.1e} of the spacing; put the points on a straight line (curved beams need reference normals and virtual points)"
+        "point {point} at {position:?} lies {distance:.3e} off the line of the beam, {relative:.1e} of the spacing; put the points on a straight line, or make a shell of a curve, whose points need not lie on one"
     )]
     NotCollinear {
         /// Index of the point.
@@ -30,7 +30,7 @@ pub enum ThinError {
     },
     /// Points of a plate off its plane.
     #[error(
-        "point {point} at {position:?} lies {distance:.3e} off the plane of the plate, {relative:.1e} of the spacing; put the points on a plane (curved surfaces need reference normals and virtual points)"
+        "point {point} at {position:?} lies {distance:.3e} off the plane of the plate, {relative:.1e} of the spacing; put the points on a plane, or make a shell of a surface, whose points need not lie on one"
     )]
     NotCoplanar {
         /// Index of the point.
@@ -44,7 +44,7 @@ pub enum ThinError {
     },
     /// Points between the places of the lattice.
     #[error(
-        "point {point} at {position:?} is {off:.3} spacings away from its place on the lattice of spacing {spacing:.6e}: opposite points are missing where the spacing is uneven; space the points evenly (uneven spacing needs virtual points)"
+        "point {point} at {position:?} is {off:.3} spacings away from its place on the lattice of spacing {spacing:.6e}: opposite points are missing where the spacing is uneven; space the points evenly, or make a shell of a surface, which has virtual points in their place"
     )]
     Uneven {
         /// Index of the point.

@@ -33,6 +33,7 @@ pub mod stability;
 pub mod stencil;
 pub mod structure;
 pub mod surface;
+pub mod turn;
 pub mod weights;
 
 mod error;

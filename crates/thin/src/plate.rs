@@ -60,12 +60,12 @@ pub struct Plate<'a> {
     pub horizon: f64,
     /// Bending stiffness D, one value or one per point (force·length).
     pub rigidity: &'a [f64],
-    /// Poisson's ratio.
-    pub poisson: f64,
+    /// Poisson's ratio, one value or one per point: a family has that of its centre.
+    pub poisson: &'a [f64],
     /// Membrane stiffness E h, one value or one per point (force/length); needed with displacements in the plane and for tension.
     pub membrane: Option<&'a [f64]>,
-    /// Influence function.
-    pub influence: Influence,
+    /// Influence function, one or one per point: a family has that of its centre.
+    pub influence: &'a [Influence],
     /// Whether weights are corrected. Almost always right.
     pub correction: bool,
     /// Weight in the mean curvature.
@@ -77,8 +77,8 @@ pub struct Plate<'a> {
     /// How angles follow from deflections (one component only).
     pub kinematics: Kinematics,
     /// Tension in the plane, `(N11, N22, N12)` in lattice directions (force/length), about which transverse deflections are
-    /// linearised (one component only).
-    pub tension: Option<[f64; 3]>,
+    /// linearised (one component only), one or one per point, in equilibrium.
+    pub tension: Option<&'a [[f64; 3]]>,
     /// Area of each point; trapezoidal where `None`.
     pub measure: Option<&'a [f64]>,
 }
@@ -87,6 +87,39 @@ pub struct Plate<'a> {
 struct Shape {
     factors: Vec<f64>,
     single_line: bool,
+}
+
+/// Influence of the arms, for each influence function that occurs.
+struct Weights {
+    tables: Vec<Vec<f64>>,
+    /// Number of the table of each point; empty where there is one.
+    table: Vec<u32>,
+}
+
+impl Weights {
+    fn new(influence: &[Influence], arms: &[Arm], horizon: f64) -> Self {
+        let mut kinds: Vec<Influence> = vec![];
+        let number = |kinds: &mut Vec<Influence>, i: &Influence| match kinds.iter().position(|k| k == i) {
+            Some(number) => number as u32,
+            None => {
+                kinds.push(*i);
+                kinds.len() as u32 - 1
+            }
+        };
+        let mut table: Vec<u32> = influence.iter().map(|i| number(&mut kinds, i)).collect();
+        if kinds.len() == 1 {
+            table.clear();
+        }
+        Weights { tables: kinds.iter().map(|i| arms.iter().map(|a| i.at(a.length, horizon)).collect()).collect(), table }
+    }
+
+    fn number(&self, point: usize) -> u32 {
+        self.table.get(point).copied().unwrap_or(0)
+    }
+
+    fn at(&self, point: usize) -> &[f64] {
+        &self.tables[self.number(point) as usize]
+    }
 }
 
 /// Smallest factor of a correction that is used.
@@ -116,8 +149,17 @@ impl Plate<'_> {
     fn check(&self, layout: &Layout, d: usize) -> Result<(), ThinError> {
         let n = layout.len();
         check_values("bending stiffness", self.rigidity, n)?;
-        if !(self.poisson > -1.0 && self.poisson < 0.5) {
-            return Err(ThinError::Poisson { value: self.poisson });
+        for (what, found) in [
+            ("Poisson's ratio", self.poisson.len()),
+            ("influence functions", self.influence.len()),
+            ("tension", self.tension.map_or(1, <[_]>::len)),
+        ] {
+            if found != 1 && found != n {
+                return Err(ThinError::Length { what, expected: n, found });
+            }
+        }
+        if let Some(&value) = self.poisson.iter().find(|nu| !(**nu > -1.0 && **nu < 0.5)) {
+            return Err(ThinError::Poisson { value });
         }
         let spacing = layout.spacing[0].max(layout.spacing[1]);
         if !(self.horizon >= spacing * (1.0 - 1e-9) && self.horizon.is_finite()) {
@@ -161,7 +203,6 @@ impl Plate<'_> {
         self.check(&layout, D)?;
         layout.check_mirrors::<D>()?;
         let n = layout.len();
-        let nu = self.poisson;
         let measure: Vec<f64> = match self.measure {
             Some(m) => {
                 check_values("area of points", m, n)?;
@@ -178,7 +219,7 @@ impl Plate<'_> {
                 Arm { vector: layout.bond(*o), length, direction: [x / length, y / length] }
             })
             .collect();
-        let omega: Vec<f64> = arms.iter().map(|a| self.influence.at(a.length, self.horizon)).collect();
+        let weights = Weights::new(self.influence, &arms, self.horizon);
         let mut ends = Ends::<D>::new(n);
         let mut known = HashMap::new();
         let (mut starts, mut pairs) = (vec![0], vec![]);
@@ -189,7 +230,7 @@ impl Plate<'_> {
         let mut shapes: HashMap<Vec<u64>, Shape> = HashMap::new();
         let mut found: Vec<(Option<u32>, Option<u32>)> = vec![];
         for p in 0..n {
-            let cell = layout.cell(p);
+            let (cell, nu, omega) = (layout.cell(p), at(self.poisson, p), weights.at(p));
             found.clear();
             for o in &offsets {
                 let to = |s: i32| -> Cell { [cell[0] + s * o[0], cell[1] + s * o[1]] };
@@ -197,7 +238,8 @@ impl Plate<'_> {
             }
             let present: Vec<usize> =
                 (0..offsets.len()).filter(|&k| found[k].0.is_some() && found[k].1.is_some() && omega[k] > 0.0).collect();
-            let shape = shapes.entry(mask(present.iter().copied())).or_insert_with(|| shape(&arms, &present, &omega, self.correction));
+            let key = mask(weights.number(p), present.iter().copied());
+            let shape = shapes.entry(key).or_insert_with(|| shape(&arms, &present, omega, self.correction));
             let weight: Vec<f64> = present.iter().zip(&shape.factors).map(|(&k, s)| omega[k] * s).collect();
             let m: f64 = present.iter().zip(&weight).map(|(&k, w)| w * arms[k].length.powi(2)).sum();
             let d = at(self.rigidity, p);
@@ -225,7 +267,7 @@ impl Plate<'_> {
             }
             starts.push(pairs.len());
             if stretches {
-                self.stretch_family(p, measure[p], &arms, &omega, &found, &mut shapes, &mut extension, &mut prestress, D == 1);
+                self.stretch_family(p, measure[p], &arms, &weights, &found, &mut shapes, &mut extension, &mut prestress, D == 1);
             }
         }
         let mut thin = Thin::assemble(layout, ends, arms, starts, pairs, isotropic, measure, self.law, self.kinematics)?;
@@ -243,14 +285,14 @@ impl Plate<'_> {
         p: usize,
         measure: f64,
         arms: &[Arm],
-        omega: &[f64],
+        weights: &Weights,
         found: &[(Option<u32>, Option<u32>)],
         shapes: &mut HashMap<Vec<u64>, Shape>,
         extension: &mut Extension,
         prestress: &mut Prestress,
         springs: bool,
     ) {
-        let nu = self.poisson;
+        let (nu, omega) = (at(self.poisson, p), weights.at(p));
         let membrane = self.membrane.map_or(0.0, |v| at(v, p));
         let shear = 0.5 * membrane / (1.0 + nu);
         let bonds: Vec<(u32, usize, f64)> = found
@@ -262,7 +304,7 @@ impl Plate<'_> {
             .collect();
         let present: Vec<usize> = bonds.iter().map(|b| b.1).collect();
         // a mask of its own: both signs, marked apart from pairs
-        let key = mask(bonds.iter().map(|b| 2 * b.1 + usize::from(b.2 < 0.0) + 64 * found.len().div_ceil(64)));
+        let key = mask(weights.number(p), bonds.iter().map(|b| 2 * b.1 + usize::from(b.2 < 0.0) + 64 * found.len().div_ceil(64)));
         let shape = shapes.entry(key).or_insert_with(|| shape(arms, &present, omega, self.correction));
         let weight: Vec<f64> = present.iter().zip(&shape.factors).map(|(&k, s)| omega[k] * s).collect();
         let m: f64 = present.iter().zip(&weight).map(|(&k, w)| w * arms[k].length.powi(2)).sum();
@@ -283,7 +325,7 @@ impl Plate<'_> {
             return;
         }
         // strains of the tension, plane stress
-        let [n11, n22, n12] = self.tension.unwrap_or_default();
+        let [n11, n22, n12] = self.tension.map_or([0.0; 3], |t| t[if t.len() == 1 { 0 } else { p }]);
         let strain = [(n11 - nu * n22) / membrane, (n22 - nu * n11) / membrane, 2.0 * (1.0 + nu) * n12 / membrane];
         let along = |k: usize| {
             let [x, y] = arms[k].direction;
@@ -331,14 +373,14 @@ pub(crate) fn limit_angles(limit: &Limit, p: usize, lengths: &[f64], weight: &[f
     }
 }
 
-/// A set of numbers as bits.
-fn mask(members: impl Iterator<Item = usize>) -> Vec<u64> {
-    let mut bits = vec![];
+/// A number, and a set of numbers as bits.
+fn mask(first: u32, members: impl Iterator<Item = usize>) -> Vec<u64> {
+    let mut bits = vec![u64::from(first)];
     for k in members {
-        if bits.len() <= k / 64 {
-            bits.resize(k / 64 + 1, 0u64);
+        if bits.len() <= k / 64 + 1 {
+            bits.resize(k / 64 + 2, 0u64);
         }
-        bits[k / 64] |= 1 << (k % 64);
+        bits[k / 64 + 1] |= 1 << (k % 64);
     }
     bits
 }

@@ -56,6 +56,8 @@ pub struct Properties {
     pub area: f64,
     /// Second moment I = ∫ b y² dy (length⁴).
     pub second_moment: f64,
+    /// Second moment for bending the other way, ∫ b³/12 dy (length⁴); profiles are taken as symmetric to the left and right, too.
+    pub lateral_second_moment: f64,
     /// Elastic section modulus 2 I/t: yield moment per yield stress (length³).
     pub elastic_modulus: f64,
     /// Plastic section modulus ∫ b |y| dy: plastic moment per yield stress (length³).
@@ -127,6 +129,17 @@ impl Section {
         }
     }
 
+    /// Cube of the width of a solid section, for the second moment about the upright axis.
+    fn cubed_width(&self, y: f64) -> f64 {
+        match self {
+            Section::Tube { outer, inner } => {
+                let chord = |d: f64| 2.0 * (0.25 * d * d - y * y).max(0.0).sqrt();
+                chord(*outer).powi(3) - chord(*inner).powi(3)
+            }
+            _ => self.width(y).powi(3),
+        }
+    }
+
     fn breaks(&self) -> Vec<f64> {
         match self {
             Section::Rectangle { .. } => vec![],
@@ -192,7 +205,7 @@ impl Section {
         let height = self.height();
         let half = 0.5 * height;
         let breaks = self.breaks();
-        let (mut area, mut layer_first, mut layer_second, mut layer_width) = (0.0, vec![], vec![], vec![]);
+        let (mut area, mut lateral, mut layer_first, mut layer_second, mut layer_width) = (0.0, 0.0, vec![], vec![], vec![]);
         // a tube's chords have roots at their ends: y = r sin s takes them away, and is no harm elsewhere
         for k in 0..layers {
             let (low, high) = (k as f64 / layers as f64, (k + 1) as f64 / layers as f64);
@@ -210,6 +223,7 @@ impl Section {
                         let y = half * (0.5 * (a + b) + 0.5 * (b - a) * x);
                         let strip = self.width(y) * 0.5 * (b - a) * w * half;
                         zeroth += strip;
+                        lateral += self.cubed_width(y) * (b - a) * w * half / 12.0;
                         first += strip * y;
                         second += strip * y * y;
                     }
@@ -225,6 +239,7 @@ impl Section {
             height,
             area,
             second_moment,
+            lateral_second_moment: lateral,
             elastic_modulus: second_moment / half,
             plastic_modulus: layer_first.iter().sum(),
             layer_second,

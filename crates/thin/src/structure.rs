@@ -68,6 +68,39 @@ pub struct ThinStructure<const D: usize> {
     statics: bool,
 }
 
+/// A body that can be handed to solvers. Implemented for each number of components, so that all that solvers call is compiled in this crate, not
+/// again in each that assembles bodies.
+pub trait Assembled {
+    /// The body with its conditions, see [`ThinStructure::new`].
+    ///
+    /// # Errors
+    /// Those of [`ThinStructure::new`].
+    fn simulated(
+        self,
+        data: PointData,
+        conditions: Vec<Condition>,
+        brittle: Option<Brittle>,
+        duration: f64,
+    ) -> Result<Box<dyn Simulated>, ThinError>;
+}
+
+macro_rules! assembled {
+    ($($components:literal)*) => {$(
+        impl Assembled for Thin<$components> {
+            fn simulated(
+                self,
+                data: PointData,
+                conditions: Vec<Condition>,
+                brittle: Option<Brittle>,
+                duration: f64,
+            ) -> Result<Box<dyn Simulated>, ThinError> {
+                Ok(Box::new(ThinStructure::new(self, data, conditions, brittle, duration)?))
+            }
+        }
+    )*};
+}
+assembled!(1 2 3);
+
 impl<const D: usize> ThinStructure<D> {
     /// Joins a body with its conditions. `duration` is the length of the run, the scale for differences in time.
     ///
@@ -334,7 +367,11 @@ impl<const D: usize> ThinStructure<D> {
         of.iter()
             .enumerate()
             .flat_map(|(p, m)| {
-                let [a, b] = layout.axes.get(p).map_or(layout.rows, |axes| [axes[0], axes[1]]);
+                let [a, mut b] = layout.axes.get(p).map_or(layout.rows, |axes| [axes[0], axes[1]]);
+                if D == 3 && layout.is_lattice() && layout.dimension == 1 {
+                    // the third component of beams in space is across both
+                    b = crate::frame::cross(&a, &layout.normal);
+                }
                 let mut t = [0.0; 9];
                 for i in 0..3 {
                     for j in 0..3 {

@@ -1,7 +1,7 @@
 //! Weights of the pairs and bonds of plates.
 
 /// Influence function ω(|ξ|), in any unit: only ratios count.
-#[derive(Clone, Debug, PartialEq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub enum Influence {
     /// ω = 1.
     #[default]

@@ -346,6 +346,17 @@ fn pressurised_cylinder_fine() {
     }
 }
 
+/// Diaphragm, symmetry and load of an eighth of a cylinder pinched at its middle.
+fn octant_of_a_pinched_cylinder(surface: &Surface) -> Vec<Condition> {
+    vec![
+        Condition::hold("diaphragm", surface.set("along_max").to_vec(), &[0, 1]),
+        Condition::hold("middle", surface.set("along_min").to_vec(), &[2]),
+        Condition::hold("y", surface.set("around_min").to_vec(), &[1]),
+        Condition::hold("x", surface.set("around_max").to_vec(), &[0]),
+        Condition::constant("load", Action::Force { weights: vec![0.25] }, vec![0], 0, -1.0),
+    ]
+}
+
 /// Pinched cylinder with diaphragms, an eighth of it: deflection under the load over 1.8248e-5.
 fn pinched_cylinder(around: usize, ratio: f64) -> f64 {
     let (r, half, h, e, nu) = (300.0, 300.0, 3.0, 3e6, 0.3);
@@ -356,14 +367,7 @@ fn pinched_cylinder(around: usize, ratio: f64) -> f64 {
     let mirrors = [even(0, 0.0), even(1, 0.0), even(2, 0.0), odd(2, half)];
     let (body, report): (Thin<3>, Report) = shell.build(&surface, &mirrors).unwrap();
     println!("{} points, warnings {:?}", body.points(), report.warnings());
-    let conditions = vec![
-        Condition::hold("diaphragm", surface.set("along_max").to_vec(), &[0, 1]),
-        Condition::hold("middle", surface.set("along_min").to_vec(), &[2]),
-        Condition::hold("y", surface.set("around_min").to_vec(), &[1]),
-        Condition::hold("x", surface.set("around_max").to_vec(), &[0]),
-        Condition::constant("load", Action::Force { weights: vec![0.25] }, vec![0], 0, -1.0),
-    ];
-    let (_, u) = solve3(body, conditions);
+    let (_, u) = solve3(body, octant_of_a_pinched_cylinder(&surface));
     -u[0] / 1.8248e-5
 }
 
@@ -779,14 +783,7 @@ fn fifty_thousand_points() {
     let mirrors = [even(0, 0.0), even(1, 0.0), even(2, 0.0), odd(2, half)];
     let (body, _): (Thin<3>, Report) = shell.build(&surface, &mirrors).unwrap();
     println!("{} points made in {:.1?}", body.points(), start.elapsed());
-    let conditions = vec![
-        Condition::hold("diaphragm", surface.set("along_max").to_vec(), &[0, 1]),
-        Condition::hold("middle", surface.set("along_min").to_vec(), &[2]),
-        Condition::hold("y", surface.set("around_min").to_vec(), &[1]),
-        Condition::hold("x", surface.set("around_max").to_vec(), &[0]),
-        Condition::constant("load", Action::Force { weights: vec![0.25] }, vec![0], 0, -1.0),
-    ];
-    let (_, u) = solve3(body, conditions);
+    let (_, u) = solve3(body, octant_of_a_pinched_cylinder(&surface));
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let peak = status.lines().find(|l| l.starts_with("VmHWM")).unwrap_or("").to_string();
     println!("{:.4} in {:.1?}, {peak}", -u[0] / 1.8248e-5, start.elapsed());

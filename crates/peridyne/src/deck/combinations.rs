@@ -348,10 +348,11 @@ fn history_columns(deck: &Sections) -> Vec<String> {
     let acting = deck
         .conditions
         .iter()
-        .filter(|c| !matches!(c, Condition::InitialVelocity(_) | Condition::InitialDisplacement(_)))
-        .filter(|c| !matches!(c, Condition::Symmetry(plane) if plane.axis().is_some()));
+        .zip(labels(&deck.conditions))
+        .filter(|(c, _)| !matches!(c, Condition::InitialVelocity(_) | Condition::InitialDisplacement(_)))
+        .filter(|(c, _)| !matches!(c, Condition::Symmetry(plane) if plane.axis().is_some()));
     let axes = &["x", "y", "z"][..deck.body.dimensions().clamp(1, 3)];
-    let reactions = acting.flat_map(|c| axes.iter().map(move |axis| format!("reaction.{}.{axis}", c.label())));
+    let reactions = acting.flat_map(|(_, label)| axes.iter().map(move |axis| format!("reaction.{label}.{axis}")));
     let path = matches!(&deck.solver, Solver::Statics(s) if !matches!(s.control, StaticControl::Load));
     HISTORY.map(String::from).into_iter().chain(measures).chain(reactions).chain(path.then(|| "unstable_modes".into())).collect()
 }

@@ -232,7 +232,7 @@ impl Deck {
             issues,
             set_names: set_names(&current),
             dimension: None,
-            thin: false,
+            thin: is_thin(&current),
         };
         if let Some(node) = current.get("units").filter(|node| !node.is_null()) {
             let before = cx.issues.len();
@@ -523,6 +523,13 @@ fn choose_run(tree: &Node, run: Option<&str>, parameters: &mut [Entry], issues: 
 }
 
 /// Replaces `${name}` in the parameters, each by those before it, and in all other sections.
+/// Whether a material is a beam, plate or shell, which move out of their line or plane.
+fn is_thin(tree: &Node) -> bool {
+    let models = ["bond_pair_beam", "bond_multiple_plate", "shell"];
+    let thin = |material: &Entry| material.value.get("model").is_some_and(|m| models.iter().any(|name| m.get(name).is_some()));
+    tree.get("materials").is_some_and(|materials| materials.entries().iter().any(thin))
+}
+
 fn replace_all(tree: &mut Node, parameters: &mut [Entry], replacing: &mut Replacing) {
     for index in 0..parameters.len() {
         let (before, rest) = parameters.split_at_mut(index);

@@ -21,7 +21,10 @@ struct Made<const D: usize> {
 }
 
 /// Builds the structure.
-pub(super) fn shells<const D: usize>(problem: &Problem, surface: &Surface) -> Checked<Assembly> {
+pub(super) fn shells<const D: usize>(problem: &Problem, surface: &Surface) -> Checked<Assembly>
+where
+    Thin<D>: Assembled,
+{
     let several = problem.parts.len() > 1;
     let (mut bodies, mut mass, mut rigidities) = (vec![], vec![], vec![]);
     let (mut derived, mut warnings, mut breaks): (Vec<Derived>, Vec<String>, Option<Brittle>) = (vec![], vec![], None);

@@ -9,6 +9,9 @@ impl<const D: usize> Thin<D> {
         if !self.has_history() {
             return;
         }
+        if let Some(basis) = self.basis() {
+            return self.commit_vectors(&basis, u);
+        }
         let mut plastic = std::mem::take(&mut self.plastic);
         let mut angles = vec![];
         let mut elastic = vec![];
@@ -38,7 +41,8 @@ impl<const D: usize> Thin<D> {
         self.plastic = plastic;
     }
 
-    /// Plastic angles of all pairs; empty where the law has no history.
+    /// Plastic angles of all pairs, of beams in space two components each, along the across direction of the layout and across both; empty where
+    /// the law has no history.
     pub fn plastic_angles(&self) -> &[f64] {
         &self.plastic
     }
@@ -277,18 +281,24 @@ impl<const D: usize> Thin<D> {
             .collect()
     }
 
-    /// Largest plastic angle of the pairs of each point, signed.
+    /// Largest plastic angle of the pairs of each point, signed (of beams in space its magnitude).
     pub fn largest_plastic_angle(&self) -> Vec<f64> {
+        let words = self.plastic_words();
         (0..self.points())
             .map(|p| {
-                let range = self.starts[p]..self.starts[p + 1];
+                let range = words * self.starts[p]..words * self.starts[p + 1];
                 let of = if self.plastic.is_empty() { &[][..] } else { &self.plastic[range] };
-                of.iter().fold(0.0, |m: f64, x| if x.abs() > m.abs() { *x } else { m })
+                let largest = |m: f64, x: f64| if x.abs() > m.abs() { x } else { m };
+                match words {
+                    1 => of.iter().copied().fold(0.0, largest),
+                    _ => of.chunks(2).map(|v| v[0].hypot(v[1])).fold(0.0, largest),
+                }
             })
             .collect()
     }
 
-    /// Curvature of each point: least squares over its intact pairs, in lattice directions.
+    /// Curvature of each point: least squares over its intact pairs, in lattice directions. Of beams in space the first component is that
+    /// along the direction across of the layout, the third that across both.
     pub fn curvatures(&self, u: &[f64]) -> Vec<Bending> {
         self.per_point(
             |point, angles, _| {
@@ -313,7 +323,8 @@ impl<const D: usize> Thin<D> {
         )
     }
 
-    /// Moment of each point per width: the derivative of its energy density with curvature, in lattice directions.
+    /// Moment of each point per width: the derivative of its energy density with curvature, in lattice directions, of beams in space as
+    /// [`curvatures`](Self::curvatures).
     pub fn moments(&self, u: &[f64]) -> Vec<Bending> {
         self.per_point(
             |point, _, forces| {
@@ -336,7 +347,14 @@ impl<const D: usize> Thin<D> {
         let run = |k: usize| {
             let mut s = Scratch::default();
             let mut out = vec![];
+            let basis = self.basis();
+            let (mut turns, mut pulls) = ([vec![], vec![]], [vec![], vec![]]);
             for point in k * CHUNK..self.points().min((k + 1) * CHUNK) {
+                if let Some(basis) = &basis {
+                    self.vector_forces(basis, point, u, &mut turns, &mut pulls);
+                    out.push([of(point, &turns[0], &pulls[0])[0], 0.0, of(point, &turns[1], &pulls[1])[0]]);
+                    continue;
+                }
                 let n = self.pairs_of(point).len();
                 s.fit(n);
                 self.angles(point, u, &mut s.angles[..n]);

@@ -214,7 +214,7 @@ impl<const D: usize> Thin<D> {
         if let Some(state) = self.frame_state(point, &centre, u) {
             self.framed_tangent(point, &state, u, &centre, s, width, dense);
         } else if D == 3 {
-            let (potential, c) = (self.potential(point), self.isotropic[point]);
+            let c = self.isotropic[point];
             let mut mean_rows = vec![[0.0; D]; if c != 0.0 { family.len() } else { 0 }];
             for (k, pair) in pairs.iter().enumerate() {
                 if !self.intact[self.starts[point] + k] {
@@ -222,9 +222,8 @@ impl<const D: usize> Thin<D> {
                 }
                 let arm = &self.arms[pair.arm as usize];
                 let (p, m) = self.differences(pair, &centre, u);
-                let h = angle::spatial_second(potential, &arm.vector, &three(&p), &three(&m));
-                let a = pair.stiffness;
-                hold(&s.place, &[pair.plus, pair.minus, point as u32], 2, &|sa, i, sb, j| a * h[3 * sa + i][3 * sb + j], dense);
+                let h = self.spatial_hessian(point, self.starts[point] + k, &three(&p), &three(&m));
+                hold(&s.place, &[pair.plus, pair.minus, point as u32], 2, &|sa, i, sb, j| h[3 * sa + i][3 * sb + j], dense);
                 if c != 0.0 {
                     let weight = pair.isotropic / arm.length;
                     for (end, factor) in [(pair.plus, 1.0), (pair.minus, 1.0), (point as u32, -2.0)] {

@@ -4,6 +4,7 @@
 use solvers::load_steps::LoadSteps;
 use solvers::newton::{Newton, NewtonOptions};
 use solvers::observe::StepReport;
+use solvers::sparse::BlockMatrix;
 use std::ops::ControlFlow;
 use thin::angle::{Kinematics, Potential};
 use thin::beam::Beam;
@@ -48,9 +49,9 @@ pub fn plate_of<'a>(horizon: f64, poisson: f64, correction: bool) -> Plate<'a> {
     Plate {
         horizon,
         rigidity: &[1.0],
-        poisson,
+        poisson: Box::leak(Box::new([poisson])),
         membrane: None,
-        influence: Influence::Constant,
+        influence: &[Influence::Constant],
         correction,
         isotropic: IsotropicWeight::Energy,
         limit: Limit::None,
@@ -111,4 +112,35 @@ pub fn digits(what: &str, value: f64, printed: &str, units: f64) {
     let decimals = printed.split('.').nth(1).map_or(0, str::len) as i32;
     let unit = 10f64.powi(-decimals);
     assert!((value - expected).abs() <= 0.51 * units * unit, "{what}: {value}, printed {printed}");
+}
+
+/// Seeded numbers, the largest of which is `size`.
+pub fn seeded(n: usize, size: f64, seed: u64) -> Vec<f64> {
+    let mut x = vec![0.0; n];
+    solvers::vector::fill_seeded(&mut x, seed);
+    let top = x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    x.iter().map(|v| v * size / top).collect()
+}
+
+/// Force against energy, tangent against force, by differences of a body at a displacement: largest relative errors.
+pub fn differences<const D: usize>(body: &mut Thin<D>, u: &[f64]) -> (f64, f64) {
+    let n = u.len();
+    let direction = seeded(n, 1.0, 99);
+    let step = 1e-5 * u.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    let moved = |s: f64| u.iter().zip(&direction).map(|(u, d)| u + s * step * d).collect::<Vec<f64>>();
+    let mut f = vec![0.0; n];
+    body.force(u, &mut f);
+    let slope: f64 = f.iter().zip(&direction).map(|(f, d)| f * d).sum();
+    let (a, b) = (body.energy(&moved(1.0)), body.energy(&moved(-1.0)));
+    let force_error = ((b - a) / (2.0 * step) - slope).abs() / slope.abs().max(1e-300);
+    let (mut fa, mut fb) = (vec![0.0; n], vec![0.0; n]);
+    body.force(&moved(1.0), &mut fa);
+    body.force(&moved(-1.0), &mut fb);
+    let mut matrix = BlockMatrix::new(body.pattern().unwrap());
+    body.tangent(u, &mut matrix).unwrap();
+    let mut product = vec![0.0; n];
+    matrix.product(&direction, &mut product);
+    let scale = product.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    let tangent_error = (0..n).map(|k| ((fb[k] - fa[k]) / (2.0 * step) - product[k]).abs()).fold(0.0, f64::max) / scale;
+    (force_error, tangent_error)
 }

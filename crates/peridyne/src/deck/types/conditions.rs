@@ -303,7 +303,24 @@ impl Condition {
 
     /// The name in histories: as given, else kind and set, as in `displacement_left`.
     pub fn label(&self) -> String {
-        let given = match self {
+        match (self.given_name(), self.set(), self) {
+            (Some(name), ..) => name.value.clone(),
+            (None, Some(set), _) => format!("{}_{}", self.name(), set.value),
+            (None, None, Condition::Symmetry(plane)) => format!("symmetry_{}", plane.axis().map_or("", |axis| axis.name())),
+            (None, None, Condition::SimplySupported(edge) | Condition::Clamped(edge)) => {
+                format!("{}_{}", self.name(), edge.normal.name())
+            }
+            (None, None, _) => self.name().into(),
+        }
+    }
+
+    /// Whether the deck gives it a name.
+    fn is_named(&self) -> bool {
+        self.given_name().is_some()
+    }
+
+    fn given_name(&self) -> Option<&Text> {
+        match self {
             Condition::Displacement(condition) => condition.name.as_ref(),
             Condition::Velocity(condition) => condition.name.as_ref(),
             Condition::ForceDensity(condition) => condition.name.as_ref(),
@@ -318,15 +335,6 @@ impl Condition {
             Condition::Pressure(condition) => condition.name.as_ref(),
             Condition::Moment(condition) => condition.name.as_ref(),
             _ => None,
-        };
-        match (given, self.set(), self) {
-            (Some(name), ..) => name.value.clone(),
-            (None, Some(set), _) => format!("{}_{}", self.name(), set.value),
-            (None, None, Condition::Symmetry(plane)) => format!("symmetry_{}", plane.axis().map_or("", |axis| axis.name())),
-            (None, None, Condition::SimplySupported(edge) | Condition::Clamped(edge)) => {
-                format!("{}_{}", self.name(), edge.normal.name())
-            }
-            (None, None, _) => self.name().into(),
         }
     }
 
@@ -350,6 +358,21 @@ impl Condition {
             Condition::Moment(condition) => condition.span,
         }
     }
+}
+
+/// The names of conditions in histories: those given, else the kind and the set; names made here that repeat get a number.
+pub fn labels(conditions: &[Condition]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::with_capacity(conditions.len());
+    let given: Vec<String> = conditions.iter().map(Condition::label).collect();
+    for (k, condition) in conditions.iter().enumerate() {
+        let label = condition.label();
+        let repeats = given[..k].iter().filter(|other| **other == label).count();
+        names.push(match condition.is_named() || repeats == 0 {
+            true => label,
+            false => format!("{label}_{}", repeats + 1),
+        });
+    }
+    names
 }
 
 fn check_axis(axis: usize, span: crate::deck::Span, cx: &mut Context) {

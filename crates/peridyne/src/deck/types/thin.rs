@@ -163,7 +163,8 @@ choice! {
         Transverse = "transverse",
         /// In the plane x, y, with exact angles and stretch.
         Planar = "planar",
-        /// In space, with exact angles and stretch.
+        /// In space, with exact angles and stretch. The beam bends alike in all directions, pairs yield on circles, and sections do not spin
+        /// about its axis. Of curvature and moment xx is the part along y, xz that along z.
         Spatial = "spatial",
     }
 }
@@ -173,7 +174,7 @@ choice! {
     pub enum PlateMotion as "a motion" {
         /// Across the plate alone, along z.
         Transverse = "transverse",
-        /// In space, with exact angles and stretch.
+        /// In space, with exact angles and stretch; for elastic and brittle plates. One that yields in space is a `shell`.
         Spatial = "spatial",
     }
 }
