@@ -359,7 +359,7 @@ struct Sweep<'a, M: Material<D>, const D: usize> {
     shapes: &'a [M::Shape],
     view: &'a Configuration<'a, f64>,
     /// 0, 1, 2, …
-    slots: &'a [u32],
+    slots: &'a [u16],
     /// Rows of force states, one a slot.
     rows: &'a mut [f64],
     out: &'a mut Evaluation<D>,
@@ -380,7 +380,8 @@ impl<M: Material<D>, const D: usize> Kernel for Sweep<'_, M, D> {
             }
             let state: M::State<S> = lift::<S, _, _>(&state);
             let mut own = Vector::<S, D>::zero();
-            let (forces, density) = (&mut *rows, &mut out.density);
+            let first = family.first_slot();
+            let (forces, density) = (&mut rows[first * ROW..], &mut out.density);
             family.each(
                 #[inline(always)]
                 |b| {
@@ -392,7 +393,7 @@ impl<M: Material<D>, const D: usize> Kernel for Sweep<'_, M, D> {
                         #[inline(always)]
                         |t| -t.masked(view.intact, b.slot()),
                     );
-                    S::subtract_rows(forces, S::index(slots, b.slot()), kept);
+                    S::subtract_rows(forces, S::index(slots, b.slot() - first), kept);
                 },
             );
             for k in 0..D {
@@ -418,8 +419,9 @@ where
             energies: vec![0.0; body.families()],
             density: vec![0.0; body.points() * ROW],
         };
-        let slots: Vec<u32> = (0..body.neighbor.len() as u32).collect();
-        let mut rows = vec![0.0; slots.len() * ROW];
+        let longest = body.start.windows(2).map(|w| w[1] - w[0]).max().unwrap_or(0);
+        let slots: Vec<u16> = (0..longest as u16).collect();
+        let mut rows = vec![0.0; body.neighbor.len() * ROW];
         let sweep =
             Sweep { material: &self.0, constants: &self.1, shapes: &shapes, view: &view, slots: &slots, rows: &mut rows, out: &mut out };
         let before = count();
