@@ -51,6 +51,9 @@ where
     Ok(made)
 }
 
+/// Points of one part, and those of another that each of them follows, with weights.
+type Ties = Vec<(u32, Vec<(u32, f64)>)>;
+
 /// Ties the parts where they touch, and puts pairs across rigid joints.
 fn join<const D: usize>(
     problem: &Problem,
@@ -60,7 +63,7 @@ fn join<const D: usize>(
 ) -> Checked<Vec<String>> {
     let joints = &problem.deck.body.joints;
     let parts = &problem.parts;
-    let mut found: Vec<Vec<(u32, Vec<(u32, f64)>)>> = vec![];
+    let mut found: Vec<Ties> = vec![];
     let mut between: Vec<[usize; 2]> = vec![];
     for joint in joints {
         let mut pair = [0; 2];
@@ -172,7 +175,7 @@ fn materials_of<'a>(problem: &'a Problem, range: &Range<usize>) -> (Vec<(&'a cra
     used.sort_unstable();
     used.dedup();
     let which = problem.material[range.clone()].iter().map(|m| used.partition_point(|u| u < m)).collect();
-    (used.iter().map(|m| all[*m as usize]).map(|(n, m)| (n, m)).collect(), which)
+    (used.iter().map(|m| all[*m as usize]).collect(), which)
 }
 
 /// A shell, a plate of any points or a curved beam.
