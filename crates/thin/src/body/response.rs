@@ -12,6 +12,10 @@ impl<const D: usize> Thin<D> {
         if let Some(basis) = self.basis() {
             return self.commit_vectors(&basis, u);
         }
+        // one of the laws may have a history, but none of those that points have
+        if self.plastic.is_empty() {
+            return;
+        }
         let mut plastic = std::mem::take(&mut self.plastic);
         let mut angles = vec![];
         let mut elastic = vec![];
