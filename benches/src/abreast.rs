@@ -1,7 +1,7 @@
 //! Bodies on a lattice: force evaluation with points abreast beside lists of bonds, and the explicit step with a check of critical
 //! stretches, interleaved in one run. Times are of the processor, not of the clock on the wall, so that a busy machine may be used.
 //!
-//! `cargo run --release -p peridyne-benches --bin abreast [rounds] [threads]`
+//! `cargo bench -p peridyne-benches --bench abreast [rounds] [threads]`
 
 use bodies::body::{Body, Geometry};
 use bodies::chunk::Link;

@@ -42,6 +42,7 @@ pub const MODELS: &[Model] = &[
     },
     Model { name: "octants", dimension: 3, model: law!("{correspondence: {law: ", ", kinematics: {sub_horizons: {partition: octants}}}}") },
     Model { name: "extended, exponent 1", dimension: 3, model: linear!("{extended_correspondence: {law: ", ", exponent: 1}}") },
+    Model { name: "extended, exponent 0", dimension: 3, model: linear!("{extended_correspondence: {law: ", ", exponent: 0}}") },
     Model { name: "extended, exponent -0.5", dimension: 3, model: linear!("{extended_correspondence: {law: ", ", exponent: -0.5}}") },
     Model { name: "bond-based", dimension: 2, model: "{bond_based: {youngs_modulus: 1.5*K, calibration: continuum}}" },
     Model { name: "linear solid", dimension: 2, model: "{linear_peridynamic_solid: {bulk_modulus: K, shear_modulus: 0.6*K}}" },

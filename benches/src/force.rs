@@ -1,7 +1,7 @@
 //! ns per directed bond of the force evaluation, model by model, one core, beside plain hand-written loops of the same
 //! kernels, interleaved in one run; and bytes per directed bond.
 //!
-//! `cargo run --release -p peridyne-benches --bin force [points per side] [rounds]`
+//! `cargo bench -p peridyne-benches --bench force [points per side] [rounds]`
 
 mod yardstick;
 

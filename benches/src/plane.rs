@@ -1,7 +1,7 @@
 //! ns per directed bond of the force evaluation in the plane: kinematics of correspondence beside the conventional ones, interleaved in
 //! one run, one core.
 //!
-//! `cargo run --release -p peridyne-benches --bin plane [points per side] [rounds]`
+//! `cargo bench -p peridyne-benches --bench plane [points per side] [rounds]`
 
 use bodies::body::{Body, Geometry};
 use bodies::chunk::Link;

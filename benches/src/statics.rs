@@ -1,6 +1,6 @@
 //! Seconds of linear statics, phase by phase.
 //!
-//! `cargo run --release -p peridyne-benches --bin statics [plate | block] [points per side]`
+//! `cargo bench -p peridyne-benches --bench statics [plate | block] [points per side]`
 //!
 //! `plate`: plate with a diamond hole, horizon of 3.1 diagonals, four quadrants, sparse Cholesky. `block`: cube of correspondence with
 //! control in tension, conjugate gradients.

@@ -74,7 +74,7 @@ pub struct Chunk<const D: usize> {
     pub(crate) start: Vec<u32>,
     /// Bonds of each owned point, broken ones included, padding not.
     pub(crate) count: Vec<u32>,
-    /// Local point of each bond slot: a chunk has fewer than 2¹⁶ local points.
+    /// Local point of each bond slot; a chunk has at most [`MOST_LOCAL`].
     pub(crate) neighbor: Vec<u16>,
     pub(crate) length: Vec<f64>,
     pub(crate) weight: Vec<f64>,
@@ -364,6 +364,11 @@ impl<const D: usize> Chunk<D> {
     #[inline]
     pub(crate) fn is_intact(&self, slot: usize) -> bool {
         physics::scalar::is_intact(&self.intact, slot)
+    }
+
+    /// Number of intact bonds of owned point `i`: eight at a time, and padding counts as broken.
+    pub(crate) fn intact_bonds(&self, i: usize) -> usize {
+        self.intact[self.start[i] as usize / 8..self.start[i + 1] as usize / 8].iter().map(|bits| bits.count_ones() as usize).sum()
     }
 
     /// The owned point of a slot.

@@ -74,8 +74,10 @@ impl<const D: usize> Body<D> {
                     .enumerate()
                     .map(|(k, c)| {
                         let mut out = vec![0.0; c.neighbor.len()];
-                        for part in &self.parts {
-                            part.half_bond_energies(k, &c.configuration(), &mut out);
+                        let (view, mut family) = (c.configuration(), vec![]);
+                        for i in 0..c.owned {
+                            self.parts.iter().for_each(|part| part.half_bond_energies_at(k, i, &view, &mut family));
+                            family.drain(..).for_each(|(slot, energy)| out[slot] = energy);
                         }
                         out
                     })

@@ -254,6 +254,23 @@ impl<const D: usize> LatticePoints<D> {
     pub(crate) fn masks(&self, group: u32) -> &[u8] {
         &self.mask[group as usize * self.stencil.len()..][..self.stencil.len()]
     }
+    /// The bonds of the stencil that each owned point has, a bit each: so many words a point, and the words.
+    pub(crate) fn patterns(&self, owned: usize) -> (usize, Vec<u64>) {
+        let words = self.stencil.len().div_ceil(64);
+        let mut patterns = vec![0; words * owned];
+        for (group, number) in self.groups.iter().zip(0..) {
+            for (bond, &mask) in self.masks(number).iter().enumerate() {
+                let mut lanes = mask;
+                while lanes != 0 {
+                    let point = group.points[lanes.trailing_zeros() as usize] as usize;
+                    patterns[point * words + bond / 64] |= 1 << (bond % 64);
+                    lanes &= lanes - 1;
+                }
+            }
+        }
+        (words, patterns)
+    }
+
     /// Bonds that come before the opposite of any.
     #[inline(always)]
     pub(crate) fn half(&self) -> usize {

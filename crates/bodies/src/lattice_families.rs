@@ -98,6 +98,12 @@ impl LatticeFamilies {
         self.offsets.len()
     }
 
+    /// Points of the family of a point.
+    pub(crate) fn size(&self, point: u32) -> u32 {
+        let cell = self.cell[point as usize];
+        self.offsets.iter().map(|o| u32::from(self.table[cell.wrapping_add_signed(*o) as usize] != NOBODY)).sum()
+    }
+
     /// Adds the family of a point to a list, row by row.
     #[inline]
     pub(crate) fn add(&self, point: u32, family: &mut Vec<u32>) {

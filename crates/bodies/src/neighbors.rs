@@ -6,6 +6,7 @@
 //! largest coordinate, which matters only far from the origin.
 
 use crate::cells::{CellList, bounds};
+use crate::chunk::Link;
 use crate::lattice_families::LatticeFamilies;
 use rayon::prelude::*;
 
@@ -192,6 +193,102 @@ impl Neighbors {
     }
 }
 
+/// The families of all points, as they are given to a body: lists, or on a lattice what stands in certain cells around each point, which
+/// costs no memory a bond and no time before it is asked for.
+#[derive(Default)]
+pub struct Families {
+    kept: Kept,
+}
+
+enum Kept {
+    Lists(Neighbors),
+    /// And the number of points of each family.
+    OnLattice(LatticeFamilies, Vec<u32>),
+}
+
+impl Default for Kept {
+    fn default() -> Self {
+        Kept::Lists(Neighbors::default())
+    }
+}
+
+impl From<Neighbors> for Families {
+    fn from(lists: Neighbors) -> Self {
+        Families { kept: Kept::Lists(lists) }
+    }
+}
+
+impl Families {
+    /// Those of [`neighbors_with_mirrors`].
+    ///
+    /// # Errors
+    /// Those of [`neighbors_with_mirrors`].
+    pub fn find(
+        position: &[[f64; 3]],
+        dimension: usize,
+        spacing: &[f64],
+        horizon: &[f64],
+        mirrors: &[Mirror],
+    ) -> Result<Self, NeighborError> {
+        check(position, dimension, horizon)?;
+        if mirrors.is_empty()
+            && let Some(lattice) = LatticeFamilies::find(position, dimension, horizon, rounding(position))
+        {
+            let size = (0..position.len() as u32).into_par_iter().with_min_len(RUN).map(|p| lattice.size(p)).collect();
+            return Ok(Families { kept: Kept::OnLattice(lattice, size) });
+        }
+        Ok(neighbors_with_mirrors(position, dimension, spacing, horizon, mirrors)?.into())
+    }
+
+    /// Number of points that have a family.
+    pub fn points(&self) -> usize {
+        match &self.kept {
+            Kept::Lists(lists) => lists.points(),
+            Kept::OnLattice(_, size) => size.len(),
+        }
+    }
+
+    /// Number of points in the family of point `i`.
+    pub fn size(&self, i: usize) -> usize {
+        match &self.kept {
+            Kept::Lists(lists) => lists.bonds_of(i).len(),
+            Kept::OnLattice(_, size) => size[i] as usize,
+        }
+    }
+
+    /// Appends the bonds of point `i`, ascending as in [`Neighbors`], with an influence of 1 and no sub-horizons.
+    pub fn add_links(&self, position: &[[f64; 3]], i: usize, out: &mut Vec<Link>) {
+        match &self.kept {
+            Kept::Lists(lists) => out.extend(lists.bonds_of(i).map(|b| Link {
+                point: lists.index[b],
+                flips: lists.flips_of(b),
+                end: lists.end(position, i, b),
+                weight: 1.0,
+                sets: 0,
+            })),
+            Kept::OnLattice(lattice, size) => {
+                let mut family = Vec::with_capacity(size[i] as usize);
+                lattice.add(i as u32, &mut family);
+                sort_runs(&mut family, &mut vec![]);
+                out.extend(family.iter().map(|&q| Link { point: q, flips: 0, end: position[q as usize], weight: 1.0, sets: 0 }));
+            }
+        }
+    }
+
+    /// As lists.
+    pub fn into_lists(self) -> Neighbors {
+        match self.kept {
+            Kept::Lists(lists) => lists,
+            Kept::OnLattice(lattice, size) => collect(size.len(), lattice.most(), |q, family| lattice.add(q as u32, family)),
+        }
+    }
+}
+
+/// The rounding of coordinates: four units in the last place of the largest (length).
+fn rounding(position: &[[f64; 3]]) -> f64 {
+    4.0 * f64::EPSILON * position.iter().flatten().fold(0.0, |a: f64, &b| a.max(b.abs()))
+}
+
 /// Finds the family of every point.
 ///
 /// * `position`: coordinates (length), zeros above the dimension;
@@ -336,8 +433,7 @@ fn check_mirrors(position: &[[f64; 3]], dimension: usize, spacing: &[f64], reach
 
 /// Families among `position`; of all of them, or of the points `queries` only. Horizons belong to the queries.
 fn search(position: &[[f64; 3]], dimension: usize, horizon: &[f64], queries: Option<&[u32]>) -> Neighbors {
-    let far = position.iter().flatten().fold(0.0, |a: f64, &b| a.max(b.abs()));
-    let rounding = 4.0 * f64::EPSILON * far;
+    let rounding = rounding(position);
     let query = |q: usize| queries.map_or(q as u32, |all| all[q]);
     if let Some(lattice) = LatticeFamilies::find(position, dimension, horizon, rounding) {
         return collect(horizon.len(), lattice.most(), |q, family| lattice.add(query(q), family));

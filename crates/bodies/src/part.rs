@@ -8,7 +8,9 @@ use physics::lanes::{Abreast, GroupKernel, Kernel, WIDTH, widest, widest_abreast
 use physics::material::Material;
 use physics::scalar::{Dual, Jet, ROW, Record, Scalar, VOLUME_WORD, lift};
 use physics::tensor::{Linear, Matrix, Vector};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 /// Derivatives taken at a time when a family's stiffness is computed.
 pub(crate) const SEEDS: usize = 8;
@@ -31,6 +33,11 @@ impl<C> Constants<C> {
             Constants::PerPoint(v) => &v[point],
         }
     }
+}
+
+/// Does something for each number below `count`, in any order. Compiled once, where a parallel iterator is compiled for every model.
+fn in_parallel(count: usize, each: &(dyn Fn(usize) + Sync)) {
+    (0..count).into_par_iter().for_each(each);
 }
 
 /// A material on some of the points of a body, whatever the model. Chunks are given by number with their views.
@@ -80,9 +87,7 @@ pub trait Part<const D: usize>: Send + Sync {
     fn energy_density(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]);
     /// First Piola stress `∫ T ⊗ ξ dV′` and stress across the plane, into the entries of owned points.
     fn stress(&self, chunk: usize, c: &Configuration<f64>, out: &mut [Matrix<f64, D>], across: &mut [f64]);
-    /// `T⟨ξ⟩·η/2` of each bond of the part's families, into the entries of the slots.
-    fn half_bond_energies(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]);
-    /// The same of one family, if it is the part's: slots and values, appended.
+    /// `T⟨ξ⟩·η/2` of each bond of one family, if it is the part's: slots and values, appended.
     fn half_bond_energies_at(&self, chunk: usize, point: usize, c: &Configuration<f64>, out: &mut Vec<(usize, f64)>);
     /// Stiffness of one family, if it is the part's: `H[(b,k),(c,l)] = V V_b ∂T_b,k/∂Y_c,l` over its intact bonds, row-major, into `out` (resized).
     /// `u` are displacements without derivatives, restored before return.
@@ -183,6 +188,12 @@ impl<M: Material<D>, const D: usize> Assigned<M, D> {
         for (&i, shape) in points.iter().zip(self.shapes[chunk].iter()) {
             f(i as usize, self.constants.at(first + i as usize), shape);
         }
+    }
+
+    /// Constants and shape of a point, if it is the part's.
+    fn own(&self, chunk: usize, point: usize) -> Option<(&M::Constants, &M::Shape)> {
+        let place = self.place[chunk][point];
+        (place != u32::MAX).then(|| (self.constants.at(self.points[chunk].0 + point), &self.shapes[chunk][place as usize]))
     }
 
     /// THE loop: each point evaluates its force state on its own family; `f_i += T⟨ξ⟩ V_i V_j`, `f_j −= T⟨ξ⟩ V_i V_j`.
@@ -407,6 +418,7 @@ struct Gather<'a, M: Material<D>, const D: usize> {
 }
 impl<M: Material<D>, const D: usize> Kernel for Gather<'_, M, D> {
     type Output = ();
+    const OFTEN: bool = true;
     #[inline(always)]
     fn run<S: Scalar<Sum = f64>>(self) {
         self.part.gather::<S>(self.chunk, self.c, self.force);
@@ -421,6 +433,7 @@ struct Scatter<'a, M: Material<D>, const D: usize> {
 }
 impl<M: Material<D>, const D: usize> Kernel for Scatter<'_, M, D> {
     type Output = ();
+    const OFTEN: bool = true;
     #[inline(always)]
     fn run<S: Scalar<Sum = f64>>(self) {
         self.part.scatter::<S>(self.chunk, self.c, self.force);
@@ -435,6 +448,7 @@ struct Energy<'a, M: Material<D>, const D: usize> {
 }
 impl<M: Material<D>, const D: usize> Kernel for Energy<'_, M, D> {
     type Output = ();
+    const OFTEN: bool = false;
     #[inline(always)]
     fn run<S: Scalar<Sum = f64>>(self) {
         let (c, out) = (self.c, self.out);
@@ -500,40 +514,37 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         &self.points[chunk].1
     }
     fn make_shapes(&mut self, chunks: &[Chunk<D>]) -> Vec<(usize, usize)> {
-        use rayon::prelude::*;
         type Made<S> = Result<Shared<S>, Vec<usize>>;
         // shapes as small as an index, or of constants that differ, are not worth a search
         let share = matches!(self.constants, Constants::Uniform(_)) && size_of::<M::Shape>() > 2 * size_of::<u32>();
-        let made: Vec<Made<M::Shape>> = self
-            .points
-            .par_iter()
-            .zip(chunks)
-            .map(|((first, points), chunk)| {
-                let c = chunk.configuration();
-                let mut singular = vec![];
-                let mut shapes = Shared::with_capacity(points.len());
-                let mut distinct = Distinct::<D>::new(M::SUB_HORIZONS, M::STORED_INFLUENCE);
-                for &i in points {
-                    let same = if share { distinct.find(&c, i as usize, shapes.distinct()) } else { None };
-                    if let Some(same) = same {
-                        shapes.push_same(same);
-                        continue;
-                    }
-                    match self.material.shape(self.constants.at(first + i as usize), Reference::new(&c, i as usize)) {
-                        Ok(shape) => shapes.push(shape),
-                        Err(_) => singular.push(i as usize),
-                    }
+        let made: Vec<OnceLock<Made<M::Shape>>> = chunks.iter().map(|_| OnceLock::new()).collect();
+        in_parallel(chunks.len(), &|k| {
+            let (first, points) = &self.points[k];
+            let c = chunks[k].configuration();
+            let mut singular = vec![];
+            let mut shapes = Shared::with_capacity(points.len());
+            let mut distinct = share.then(|| Distinct::new(&chunks[k], M::SUB_HORIZONS, M::STORED_INFLUENCE));
+            for &i in points {
+                let same = distinct.as_mut().and_then(|known| known.find(&c, i as usize, shapes.distinct()));
+                if let Some(same) = same {
+                    shapes.push_same(same);
+                    continue;
                 }
-                shapes.seal();
-                if singular.is_empty() { Ok(shapes) } else { Err(singular) }
-            })
-            .collect();
+                match self.material.shape(self.constants.at(first + i as usize), Reference::new(&c, i as usize)) {
+                    Ok(shape) => shapes.push(shape),
+                    Err(_) => singular.push(i as usize),
+                }
+            }
+            shapes.seal();
+            made[k].get_or_init(|| if singular.is_empty() { Ok(shapes) } else { Err(singular) });
+        });
         let mut singular = vec![];
         self.shapes.clear();
         for (k, made) in made.into_iter().enumerate() {
-            match made {
-                Ok(shapes) => self.shapes.push(shapes),
-                Err(points) => singular.extend(points.into_iter().map(|i| (k, i))),
+            match made.into_inner() {
+                Some(Ok(shapes)) => self.shapes.push(shapes),
+                Some(Err(points)) => singular.extend(points.into_iter().map(|i| (k, i))),
+                None => {}
             }
         }
         if singular.is_empty() {
@@ -557,11 +568,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         }
     }
     fn energy_density_at(&self, chunk: usize, point: usize, c: &Configuration<f64>) -> Option<f64> {
-        let place = self.place[chunk][point];
-        if place == u32::MAX {
-            return None;
-        }
-        let (constants, shape) = (self.constants.at(self.points[chunk].0 + point), &self.shapes[chunk][place as usize]);
+        let (constants, shape) = self.own(chunk, point)?;
         Some(self.material.energy_density(constants, shape, Family::<f64, D>::new(c, point)))
     }
     fn save_shapes(&mut self) {
@@ -610,29 +617,15 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
             across[i] = self.material.out_of_plane_stress(constants, shape, family, &out[i]);
         });
     }
-    fn half_bond_energies(&self, chunk: usize, c: &Configuration<f64>, out: &mut [f64]) {
-        self.each(chunk, |i, constants, shape| {
-            let family = Family::<f64, D>::new(c, i);
-            let state = self.material.state(constants, shape, family);
-            family.each(|b| out[b.slot()] = 0.5 * self.material.force(&state, b).dot(b.eta()));
-        });
-    }
+    #[inline(never)]
     fn half_bond_energies_at(&self, chunk: usize, point: usize, c: &Configuration<f64>, out: &mut Vec<(usize, f64)>) {
-        let place = self.place[chunk][point];
-        if place == u32::MAX {
-            return;
-        }
-        let (constants, shape) = (self.constants.at(self.points[chunk].0 + point), &self.shapes[chunk][place as usize]);
+        let Some((constants, shape)) = self.own(chunk, point) else { return };
         let family = Family::<f64, D>::new(c, point);
         let state = self.material.state(constants, shape, family);
         family.each(|b| out.push((b.slot(), 0.5 * self.material.force(&state, b).dot(b.eta()))));
     }
     fn family_stiffness(&self, chunk: usize, point: usize, arrays: &Chunk<D>, u: &mut [Jet<SEEDS>], out: &mut Vec<f64>) {
-        let place = self.place[chunk][point];
-        if place == u32::MAX {
-            return;
-        }
-        let (constants, shape) = (self.constants.at(self.points[chunk].0 + point), &self.shapes[chunk][place as usize]);
+        let Some((constants, shape)) = self.own(chunk, point) else { return };
         let far: Vec<usize> = arrays.slots(point).filter(|&s| arrays.is_intact(s)).map(|s| arrays.neighbor[s] as usize * ROW).collect();
         let n = far.len() * D;
         let near = arrays.volume(point);

@@ -1,5 +1,6 @@
 //! Shapes of families that are shared: on a lattice most families are the same, and one shape serves them all.
 
+use crate::chunk::Chunk;
 use physics::family::{Configuration, Reference, Undeformed};
 use physics::tensor::Vector;
 use std::collections::HashMap;
@@ -113,17 +114,32 @@ pub(crate) struct Distinct<const D: usize> {
     known: HashMap<u64, Vec<(usize, usize)>>,
     /// Families looked at, and found again.
     tried: (usize, usize),
+    /// On a lattice of equal volumes families are the same where their bonds are those of the same cells: see `LatticePoints::patterns`.
+    patterns: Option<(usize, Vec<u64>)>,
+    by_pattern: HashMap<Vec<u64>, usize>,
 }
 
 /// Families after which a search that finds few again is given up: a cloud of points.
 const ENOUGH: usize = 256;
 
 impl<const D: usize> Distinct<D> {
-    pub fn new(sub_horizons: usize, weighted: bool) -> Self {
-        Distinct { sub_horizons, weighted, known: HashMap::new(), tried: (0, 0) }
+    pub fn new(chunk: &Chunk<D>, sub_horizons: usize, weighted: bool) -> Self {
+        let near = |a: f64, b: f64| (a - b).abs() <= SAME * b.abs();
+        let alike = chunk.horizon.iter().all(|h| near(*h, chunk.horizon[0]))
+            && (0..chunk.points.len()).all(|l| near(chunk.volume(l), chunk.volume(0)));
+        let patterns = chunk.lattice.as_ref().filter(|_| alike).map(|lattice| lattice.patterns(chunk.owned));
+        Distinct { sub_horizons, weighted, known: HashMap::new(), tried: (0, 0), patterns, by_pattern: HashMap::new() }
     }
     /// The entry of a family that is the same as that of `point`; where there is none, `point` will be found under `next` later.
     pub fn find(&mut self, c: &Configuration<f64>, point: usize, next: usize) -> Option<usize> {
+        if let Some((words, patterns)) = &self.patterns {
+            let pattern = &patterns[point * words..][..*words];
+            let found = self.by_pattern.get(pattern).copied();
+            if found.is_none() {
+                self.by_pattern.insert(pattern.to_vec(), next);
+            }
+            return found;
+        }
         if self.tried.0 >= ENOUGH && self.tried.1 * 8 < self.tried.0 {
             return None;
         }

@@ -76,16 +76,17 @@ pub fn across_voids(cloud: &PointCloud, neighbors: &Neighbors, reach: Option<f64
     if n == 0 {
         return Ok(Vec::new());
     }
-    let homes = Homes::new(cloud);
-    if neighbors.mirrors.is_empty() && homes.as_ref().is_some_and(Homes::fill_box) {
-        return Ok(vec![false; neighbors.bonds()]);
-    }
-    if let Some(homes) = homes
+    if let Some(homes) = Homes::new(cloud)
         && let Some(hidden) = on_lattice(cloud, &homes, neighbors, reach.unwrap_or(LATTICE_REACH))
     {
         return Ok(hidden);
     }
     Ok(anywhere(cloud, neighbors, reach.unwrap_or(LATTICE_REACH.max(0.75 * (dimension as f64).sqrt()))))
+}
+
+/// Whether the points fill the box around them, so that there is no void and every bond sees its end.
+pub fn fills_box(cloud: &PointCloud) -> bool {
+    Homes::new(cloud).is_some_and(|homes| homes.fill_box())
 }
 
 /// The cells that points stand in.

@@ -3,7 +3,7 @@
 //! A model is a choice made at run time ([`Model`]), the loops over its families are compiled for its type. This crate holds all
 //! these types, so that the program above it does not compile them again whenever a word of a deck changes. Where speed matters
 //! (elastic bonds, the linear solid, hyperelastic correspondence) a constant influence is a type of its own; elsewhere, and in one
-//! dimension, it is stored.
+//! dimension, it is stored. Where a law costs more than a zero-energy control, all controls are one type.
 
 #![forbid(unsafe_code)]
 
@@ -23,9 +23,10 @@ use physics::models::{
     LARGEST_ORDER, LinearPeridynamicSolid, LinearPeridynamicSolidConstants, SethHill, SubHorizonCorrespondence, monomial_count,
 };
 use physics::stretch_law::{Elastic, Nonlinear};
-use physics::zero_energy::{self, Wan2019};
+use physics::zero_energy::{self, AnyControl, Wan2019};
 
 /// A model with its constants.
+#[derive(Clone, Debug)]
 pub enum Model<const D: usize> {
     /// [`BondBased`] with elastic bonds.
     ElasticBonds(Constants<BondBasedConstants>),
@@ -34,7 +35,7 @@ pub enum Model<const D: usize> {
     /// [`LinearPeridynamicSolid`].
     LinearPeridynamicSolid(Constants<LinearPeridynamicSolidConstants>),
     /// [`Correspondence`].
-    Correspondence(Law<D>, Control),
+    Correspondence(Law<D>, AnyControl),
     /// [`CorrectedCorrespondence`] of an order.
     Corrected(SmoothLaw<D>, zero_energy::Isotropic, usize),
     /// [`SubHorizonCorrespondence`].
@@ -44,6 +45,7 @@ pub enum Model<const D: usize> {
 }
 
 /// A constitutive law with its constants.
+#[derive(Clone, Debug)]
 pub enum Law<const D: usize> {
     /// One that all kinematics take.
     Smooth(SmoothLaw<D>),
@@ -55,6 +57,7 @@ pub enum Law<const D: usize> {
 
 /// A constitutive law that all kinematics take.
 #[allow(clippy::large_enum_variant)] // one for each material of a deck
+#[derive(Clone, Debug)]
 pub enum SmoothLaw<const D: usize> {
     /// One of the laws with an energy.
     Hyperelastic(Constants<HyperelasticConstants<D>>),
@@ -64,6 +67,7 @@ pub enum SmoothLaw<const D: usize> {
 
 /// A law of a strain.
 #[allow(clippy::large_enum_variant)] // one for each material of a deck
+#[derive(Clone, Debug)]
 pub enum StrainLaw<const D: usize> {
     /// [`LinearElastic`].
     Elastic(Constants<Stiffness<D>>),
@@ -82,15 +86,6 @@ pub struct BondStrains {
     pub control: f64,
 }
 
-/// A zero-energy control.
-#[derive(Clone, Copy, Debug)]
-pub enum Control {
-    /// The tensor of Wan et al. as published.
-    Wan2019,
-    /// A multiple of the unit tensor.
-    Isotropic(zero_energy::Isotropic),
-}
-
 /// Where a model goes: on some points (sorted index) of a body with these chunks.
 pub struct Place<'a, const D: usize> {
     /// Name of the material.
@@ -99,7 +94,7 @@ pub struct Place<'a, const D: usize> {
     pub points: &'a [u32],
     /// Chunks of the body.
     pub chunks: &'a [Chunk<D>],
-    /// Whether the bonds store their influence; otherwise it is 1.
+    /// Whether the bonds store their influence; otherwise it is 1. In one dimension they always do.
     pub weighted: bool,
     /// Number of sub-horizons whose membership the bonds store.
     pub sub_horizons: usize,
@@ -117,10 +112,10 @@ pub trait Compiled<const D: usize> {
 pub struct Catalog;
 
 macro_rules! compiled {
-    ($($d:literal)*) => {$(
+    ($($d:literal, $plain:ident;)*) => {$(
         impl Compiled<$d> for Catalog {
             fn part(model: Model<$d>, place: &Place<$d>) -> Box<dyn Part<$d>> {
-                part::<$d, { monomial_count($d, LARGEST_ORDER[$d - 1]) }, { sub_horizon_planes($d, 1, false) }>(model, place)
+                part::<$d, { monomial_count($d, LARGEST_ORDER[$d - 1]) }, { sub_horizon_planes($d, 1, false) }, _>(model, $plain, place)
             }
             fn simulated(structure: Structure<$d>) -> Box<dyn Simulated> {
                 if structure.is_inclined() { Box::new(Inclined::new(structure)) } else { Box::new(structure) }
@@ -128,7 +123,7 @@ macro_rules! compiled {
         }
     )*};
 }
-compiled!(1 2 3);
+compiled!(1, Stored; 2, One; 3, One;);
 
 /// Sub-horizons that models are compiled for, and so the numbers whose membership a body stores: four in the plane are a case of their
 /// own, because quadrants are (with history all come in eights).
@@ -142,24 +137,29 @@ impl<const D: usize> Place<'_, D> {
     }
 }
 
-/// `M` monomials of the largest order of a correction; `FEW` and 8 are the numbers of sub-horizons.
-fn part<const D: usize, const M: usize, const FEW: usize>(model: Model<D>, place: &Place<D>) -> Box<dyn Part<D>> {
+/// `M` monomials of the largest order of a correction; `FEW` and 8 are the numbers of sub-horizons; `plain` is the influence of bonds that
+/// store none.
+fn part<const D: usize, const M: usize, const FEW: usize, I: Influence>(model: Model<D>, plain: I, place: &Place<D>) -> Box<dyn Part<D>> {
+    let omega = Stored;
     match model {
-        Model::ElasticBonds(c) if place.weighted => place.assign(BondBased { law: Elastic, omega: Stored }, c),
-        Model::ElasticBonds(c) => place.assign(BondBased { law: Elastic, omega: One }, c),
-        Model::NonlinearBonds(law, c) => place.assign(BondBased { law, omega: Stored }, c),
-        Model::LinearPeridynamicSolid(c) if place.weighted => place.assign(LinearPeridynamicSolid { omega: Stored }, c),
-        Model::LinearPeridynamicSolid(c) => place.assign(LinearPeridynamicSolid { omega: One }, c),
-        Model::Correspondence(Law::Smooth(SmoothLaw::Hyperelastic(c)), control) if place.weighted => {
-            controlled(Hyperelastic, Stored, control, c, place)
+        Model::ElasticBonds(c) if place.weighted => place.assign(BondBased { law: Elastic, omega }, c),
+        Model::ElasticBonds(c) => place.assign(BondBased { law: Elastic, omega: plain }, c),
+        Model::NonlinearBonds(law, c) => place.assign(BondBased { law, omega }, c),
+        Model::LinearPeridynamicSolid(c) if place.weighted => place.assign(LinearPeridynamicSolid { omega }, c),
+        Model::LinearPeridynamicSolid(c) => place.assign(LinearPeridynamicSolid { omega: plain }, c),
+        Model::Correspondence(Law::Smooth(SmoothLaw::Hyperelastic(c)), control) => match (control, place.weighted) {
+            (AnyControl::Wan2019, true) => place.assign(Correspondence { law: Hyperelastic, control: Wan2019, omega }, c),
+            (AnyControl::Wan2019, false) => place.assign(Correspondence { law: Hyperelastic, control: Wan2019, omega: plain }, c),
+            (AnyControl::Isotropic(control), true) => place.assign(Correspondence { law: Hyperelastic, control, omega }, c),
+            (AnyControl::Isotropic(control), false) => place.assign(Correspondence { law: Hyperelastic, control, omega: plain }, c),
+        },
+        Model::Correspondence(Law::Smooth(SmoothLaw::Plastic(c)), control) => {
+            place.assign(Correspondence { law: OfStrain(J2Plasticity), control, omega }, c)
         }
-        Model::Correspondence(Law::Smooth(SmoothLaw::Hyperelastic(c)), control) => controlled(Hyperelastic, One, control, c, place),
-        Model::Correspondence(Law::Smooth(SmoothLaw::Plastic(c)), control) => controlled(OfStrain(J2Plasticity), Stored, control, c, place),
-        Model::Correspondence(Law::KelvinVoigt(c), control) => controlled(KelvinVoigt, Stored, control, c, place),
-        Model::Correspondence(Law::Almansi(c), control) => controlled(FromCauchy(Almansi), Stored, control, c, place),
+        Model::Correspondence(Law::KelvinVoigt(c), control) => place.assign(Correspondence { law: KelvinVoigt, control, omega }, c),
+        Model::Correspondence(Law::Almansi(c), control) => place.assign(Correspondence { law: FromCauchy(Almansi), control, omega }, c),
         Model::Corrected(law, control, order) => {
             debug_assert!(order <= LARGEST_ORDER[D - 1]);
-            let omega = Stored;
             match law {
                 SmoothLaw::Hyperelastic(c) => {
                     place.assign(CorrectedCorrespondence::<_, _, _, M> { law: Hyperelastic, control, omega, order }, c)
@@ -169,38 +169,28 @@ fn part<const D: usize, const M: usize, const FEW: usize>(model: Model<D>, place
                 }
             }
         }
-        Model::SubHorizons(SmoothLaw::Hyperelastic(c), empty) => match (place.sub_horizons, place.weighted) {
-            (n, true) if n == FEW => place.assign(SubHorizonCorrespondence::<_, _, FEW> { law: Hyperelastic, omega: Stored, empty }, c),
-            (n, false) if n == FEW => place.assign(SubHorizonCorrespondence::<_, _, FEW> { law: Hyperelastic, omega: One, empty }, c),
-            (_, true) => place.assign(SubHorizonCorrespondence::<_, _, 8> { law: Hyperelastic, omega: Stored, empty }, c),
-            (_, false) => place.assign(SubHorizonCorrespondence::<_, _, 8> { law: Hyperelastic, omega: One, empty }, c),
-        },
+        Model::SubHorizons(SmoothLaw::Hyperelastic(c), empty) => {
+            let law = Hyperelastic;
+            match (place.sub_horizons, place.weighted) {
+                (n, true) if n == FEW => place.assign(SubHorizonCorrespondence::<_, _, FEW> { law, omega, empty }, c),
+                (n, false) if n == FEW => place.assign(SubHorizonCorrespondence::<_, _, FEW> { law, omega: plain, empty }, c),
+                (_, true) => place.assign(SubHorizonCorrespondence::<_, _, 8> { law, omega, empty }, c),
+                (_, false) => place.assign(SubHorizonCorrespondence::<_, _, 8> { law, omega: plain, empty }, c),
+            }
+        }
         Model::SubHorizons(SmoothLaw::Plastic(c), empty) => {
-            place.assign(SubHorizonCorrespondence::<_, _, 8> { law: OfStrain(J2Plasticity), omega: Stored, empty }, c)
+            place.assign(SubHorizonCorrespondence::<_, _, 8> { law: OfStrain(J2Plasticity), omega, empty }, c)
         }
         Model::Extended(law, BondStrains { exponent, calibration, control }) => match (law, place.weighted) {
             (StrainLaw::Elastic(c), true) => {
-                place.assign(ExtendedCorrespondence { law: LinearElastic, exponent, calibration, control, omega: Stored }, c)
+                place.assign(ExtendedCorrespondence { law: LinearElastic, exponent, calibration, control, omega }, c)
             }
             (StrainLaw::Elastic(c), false) => {
-                place.assign(ExtendedCorrespondence { law: LinearElastic, exponent, calibration, control, omega: One }, c)
+                place.assign(ExtendedCorrespondence { law: LinearElastic, exponent, calibration, control, omega: plain }, c)
             }
             (StrainLaw::Plastic(c), _) => {
-                place.assign(ExtendedCorrespondence { law: J2Plasticity, exponent, calibration, control, omega: Stored }, c)
+                place.assign(ExtendedCorrespondence { law: J2Plasticity, exponent, calibration, control, omega }, c)
             }
         },
-    }
-}
-
-fn controlled<L: physics::constitutive::Law<D>, I: Influence, const D: usize>(
-    law: L,
-    omega: I,
-    control: Control,
-    constants: Constants<L::Constants>,
-    place: &Place<D>,
-) -> Box<dyn Part<D>> {
-    match control {
-        Control::Wan2019 => place.assign(Correspondence { law, control: Wan2019, omega }, constants),
-        Control::Isotropic(control) => place.assign(Correspondence { law, control, omega }, constants),
     }
 }

@@ -6,7 +6,7 @@ use crate::surface::Part;
 use bodies::crack::{Crack, CrackError, Cracks};
 use bodies::generate::{self, Filling, Jitter};
 use bodies::inclined::{Axes, Place};
-use bodies::neighbors::{Mirror, Neighbors, neighbors_with_mirrors};
+use bodies::neighbors::{Families, Mirror};
 use bodies::points::PointCloud;
 use bodies::region;
 use physics::elasticity::Section;
@@ -30,7 +30,7 @@ pub struct Problem {
     /// Number of the material of each point.
     pub material: Vec<u32>,
     /// Families, without the bonds that cross voids.
-    pub neighbors: Neighbors,
+    pub families: Families,
     /// Bonds left out because they cross voids.
     pub hidden_bonds: usize,
     /// Pre-cracks.
@@ -39,7 +39,7 @@ pub struct Problem {
     pub surface: Option<Surface>,
     /// The parts of a shell.
     pub parts: Vec<Part>,
-    /// Whether the body is a beam or a plate, whose families are those of bond pairs; `neighbors` is empty then.
+    /// Whether the body is a beam or a plate, whose families are those of bond pairs; `families` is empty then.
     pub thin: bool,
     /// Where all constants of materials are taken, whatever the place of a point; `None`: each point has its own.
     pub constants_at: Option<[f64; 3]>,
@@ -54,7 +54,7 @@ impl Problem {
     /// Every fault found.
     pub fn new(deck: Deck) -> Result<Self, DeckErrors> {
         Self::build(&deck).map_err(|issues| deck.errors(issues)).map(|(section, parts)| {
-            let Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface, parts } = parts;
+            let Built { cloud, user, horizon, sets, material, families, hidden_bonds, cracks, surface, parts } = parts;
             let thin = is_thin(&deck);
             Problem {
                 deck,
@@ -64,7 +64,7 @@ impl Problem {
                 horizon,
                 sets,
                 material,
-                neighbors,
+                families,
                 hidden_bonds,
                 cracks,
                 surface,
@@ -108,8 +108,8 @@ impl Problem {
         }
         if thin {
             let cracks = cracks(deck, &mut issues);
-            let (neighbors, hidden_bonds) = (Neighbors::default(), 0);
-            let built = Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface, parts };
+            let (families, hidden_bonds) = (Families::default(), 0);
+            let built = Built { cloud, user, horizon, sets, material, families, hidden_bonds, cracks, surface, parts };
             return if issues.is_empty() { Ok((section, built)) } else { Err(issues) };
         }
 
@@ -126,7 +126,7 @@ impl Problem {
             .iter()
             .find(|c| matches!(c, Condition::Symmetry(s) if s.set.is_none()))
             .map_or(body.horizon.span, Condition::span);
-        let found = match neighbors_with_mirrors(&cloud.position, cloud.dimension, &cloud.spacing, &horizon, &mirrors) {
+        let found = match Families::find(&cloud.position, cloud.dimension, &cloud.spacing, &horizon, &mirrors) {
             Ok(found) => found,
             Err(e) => {
                 issues.push(Issue::new(
@@ -137,30 +137,32 @@ impl Problem {
                 return Err(issues);
             }
         };
-        let (neighbors, hidden_bonds) = if body.visibility {
-            match bodies::visibility::across_voids(&cloud, &found, None) {
+        let nothing_between = !body.visibility || mirrors.is_empty() && bodies::visibility::fills_box(&cloud);
+        let (families, hidden_bonds) = if nothing_between {
+            (found, 0)
+        } else {
+            let lists = found.into_lists();
+            match bodies::visibility::across_voids(&cloud, &lists, None) {
                 Ok(hidden) => {
                     let count = hidden.iter().filter(|h| **h).count();
-                    (if count > 0 { found.without(&hidden) } else { found }, count)
+                    (Families::from(if count > 0 { lists.without(&hidden) } else { lists }), count)
                 }
                 Err(e) => {
                     issues.push(Issue::new(body.span, e.to_string(), "turn the test off with `visibility: false`"));
                     return Err(issues);
                 }
             }
-        } else {
-            (found, 0)
         };
-        let largest = (0..cloud.len()).max_by_key(|&p| neighbors.bonds_of(p).len());
-        if let Some(p) = largest.filter(|&p| neighbors.bonds_of(p).len() > bodies::body::MOST_NEIGHBORS) {
-            let (n, most) = (neighbors.bonds_of(p).len(), bodies::body::MOST_NEIGHBORS);
+        let largest = (0..cloud.len()).max_by_key(|&p| families.size(p));
+        if let Some(p) = largest.filter(|&p| families.size(p) > bodies::body::MOST_NEIGHBORS) {
+            let (n, most) = (families.size(p), bodies::body::MOST_NEIGHBORS);
             issues.push(Issue::new(
                 body.horizon.span,
                 format!("the family of point {} has {n} points, more than the {most} that a family may have", cloud.id[p]),
                 "use a smaller horizon, or a larger spacing",
             ));
         }
-        let lonely: Vec<u64> = (0..cloud.len()).filter(|&p| neighbors.bonds_of(p).is_empty()).map(|p| cloud.id[p]).collect();
+        let lonely: Vec<u64> = (0..cloud.len()).filter(|&p| families.size(p) == 0).map(|p| cloud.id[p]).collect();
         if !lonely.is_empty() {
             let what = format!("{} points have no neighbour within the horizon, the first is point {}", lonely.len(), lonely[0]);
             // the visibility test may have taken the last bonds of a point
@@ -177,7 +179,7 @@ impl Problem {
         let cracks = cracks(deck, &mut issues);
         references(deck, &cloud, &sets, &mut issues);
         if issues.is_empty() {
-            Ok((section, Built { cloud, user, horizon, sets, material, neighbors, hidden_bonds, cracks, surface, parts }))
+            Ok((section, Built { cloud, user, horizon, sets, material, families, hidden_bonds, cracks, surface, parts }))
         } else {
             Err(issues)
         }
@@ -252,7 +254,7 @@ struct Built {
     horizon: Vec<f64>,
     sets: BTreeMap<String, Vec<u32>>,
     material: Vec<u32>,
-    neighbors: Neighbors,
+    families: Families,
     hidden_bonds: usize,
     cracks: Option<Cracks>,
     surface: Option<Surface>,

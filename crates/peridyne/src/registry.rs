@@ -11,7 +11,7 @@ use bodies::damage::Criterion;
 use bodies::loads::{self, Field, Kind, Wall};
 use bodies::part::{Constants, Part};
 use bodies::structure::{Failure, Parts, Simulated, Structure, Temperature};
-use catalog::{BondStrains, Catalog, Compiled, Control, Law, Model, Place, SmoothLaw, StrainLaw};
+use catalog::{BondStrains, Catalog, Compiled, Law, Model, Place, SmoothLaw, StrainLaw};
 use physics::constitutive::{
     HyperelasticConstants, J2PlasticityConstants, KelvinVoigtConstants, NeoHookeanConstants, OfStrainConstants, StrainMeasure,
 };
@@ -24,7 +24,7 @@ use physics::models::{
 use physics::stretch_law::{Bilinear, ElasticPlastic, Nonlinear, Tabulated};
 use physics::sub_horizon::Partition;
 use physics::tensor::Vector;
-use physics::zero_energy;
+use physics::zero_energy::{self, AnyControl};
 
 /// A constant that was derived from the deck: name, value, unit (of the deck's system).
 pub type Derived = (String, f64, &'static str);
@@ -67,12 +67,8 @@ where
     // one number for the body: a family of fewer sub-horizons leaves the others empty
     let sub_horizons = materials.iter().map(|m| planes(m, D)).max().unwrap_or(0);
     let geometry = Geometry { position: &cloud.position, volume: &cloud.volume, horizon: &problem.horizon };
-    let found = &problem.neighbors;
     let mut body = Body::<D>::new(&geometry, weighted, sub_horizons, |p, out: &mut Vec<Link>| {
-        for b in found.bonds_of(p) {
-            let end = found.end(&cloud.position, p, b);
-            out.push(Link { point: found.index[b], flips: found.flips_of(b), end, weight: 1.0, sets: 0 });
-        }
+        problem.families.add_links(&cloud.position, p, out);
         if weighted {
             weights.fill::<D>(problem, materials[problem.material[p] as usize], p, out);
         }
@@ -218,13 +214,13 @@ fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
         deck::Model::Correspondence(c) => {
             let control = match c.control.as_ref().map(|c| &c.value) {
                 // in one dimension the tensor is a number
-                Some(deck::Control::Wan2019) if D > 1 => Control::Wan2019,
-                Some(deck::Control::None) => Control::Isotropic(zero_energy::Isotropic::None),
+                Some(deck::Control::Wan2019) if D > 1 => AnyControl::Wan2019,
+                Some(deck::Control::None) => AnyControl::Isotropic(zero_energy::Isotropic::None),
                 None | Some(deck::Control::Wan2019 | deck::Control::Wan2019Objective) => {
-                    Control::Isotropic(zero_energy::Isotropic::Wan2019)
+                    AnyControl::Isotropic(zero_energy::Isotropic::Wan2019)
                 }
                 Some(deck::Control::Silling2017(s)) => {
-                    Control::Isotropic(zero_energy::Isotropic::Silling2017 { strength: s.strength.value })
+                    AnyControl::Isotropic(zero_energy::Isotropic::Silling2017 { strength: s.strength.value })
                 }
             };
             let law = law::<D>(site, &c.law)?;
@@ -239,7 +235,7 @@ fn model<const D: usize>(site: &Site) -> Checked<Model<D>> {
                             format!("give 1 to {}", LARGEST_ORDER[D - 1]),
                         )]);
                     }
-                    let Control::Isotropic(control) = control else {
+                    let AnyControl::Isotropic(control) = control else {
                         return Err(vec![Issue::new(
                             c.control.as_ref().map_or(c.span, |c| c.span),
                             "a corrected influence function takes isotropic controls only",

@@ -14,14 +14,14 @@ use crate::registry::{Assembly, assemble, initial_state};
 use crate::spectrum;
 use crate::verify::{Measurement, Pending};
 use bodies::measures::FieldName;
-use bodies::neighbors::Neighbors;
+use bodies::neighbors::Families;
 use bodies::structure::Simulated;
 use solvers::arc_length::{ArcLength, Control, Path as Followed, PathError};
 use solvers::dynamic_relaxation::{DynamicRelaxation, DynamicRelaxationOptions};
 use solvers::load_steps::{Equilibrium, LoadSteps, StaticsError};
 use solvers::newton::{LinearSolver, Newton, NewtonOptions};
 use solvers::nonlinear_cg::{NonlinearCg, NonlinearCgOptions};
-use solvers::observe::{Ended, StepReport};
+use solvers::observe::{Ended, Observer, StepReport};
 use solvers::problem::{Dynamics, Statics};
 use solvers::sequential::SequentiallyLinear;
 use solvers::velocity_verlet::{Following, Motion, VelocityVerlet, stable_step};
@@ -32,7 +32,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 mod advance;
-use advance::{follow, motion, path_options, sequential, statics};
+use advance::{follow, motion, path_options, statics};
 
 /// Why there is no result at all.
 #[derive(Debug, thiserror::Error)]
@@ -160,7 +160,7 @@ pub fn run_keeping(
     let assembly = assemble(&problem).map_err(RunError::Deck)?;
     if !matches!(problem.deck.solver, Solver::Spectrum(_)) {
         // the chunks of the body have their own lists
-        problem.neighbors = Neighbors::default();
+        problem.families = Families::default();
     }
     let problem = problem;
     let setup = clock.elapsed().as_secs_f64();
@@ -220,12 +220,16 @@ pub fn run_keeping(
             program.smallest_fraction = options.smallest_step.value;
             recorder.span = (0.0, options.end.value);
             if matches!(options.control, deck::StaticControl::Load) {
-                let end = statics(&mut *model, &program, method, &mut u, &mut recorder, progress, cancel);
+                let end = statics(&mut *model, program.start, &mut u, &mut recorder, progress, |model, u, observer| {
+                    program.run(model, method, u, observer, Some(cancel))
+                });
                 lost_digits = newton.linear_error();
                 end
             } else if matches!(options.control, deck::StaticControl::Breaking) {
                 let path = SequentiallyLinear::new(options.end.value);
-                sequential(&mut *model, &path, method, &mut u, &mut recorder, progress, cancel)
+                statics(&mut *model, 0.0, &mut u, &mut recorder, progress, |model, u, observer| {
+                    path.run(model, method, u, observer, Some(cancel))
+                })
             } else {
                 let arc = path_options(&problem, options, &*model, threads);
                 follow(&mut *model, &arc, &mut u, &mut recorder, progress, cancel)
@@ -240,7 +244,9 @@ pub fn run_keeping(
             });
             let program = LoadSteps::uniform(0.0, options.end.value, options.load_steps.value as usize);
             recorder.span = (0.0, options.end.value);
-            statics(&mut *model, &program, &mut method, &mut u, &mut recorder, progress, cancel)
+            statics(&mut *model, program.start, &mut u, &mut recorder, progress, |model, u, observer| {
+                program.run(model, &mut method, u, observer, Some(cancel))
+            })
         }
         Solver::Vibration(_) | Solver::Buckling(_) => match modes::solve(&problem, &mut *model, &u) {
             Ok(modes) => {

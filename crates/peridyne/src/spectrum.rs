@@ -11,7 +11,7 @@ use crate::output::{OutputError, Snapshot};
 use crate::problem::Problem;
 use crate::registry::{assemble, initial_state};
 use crate::zone;
-use bodies::neighbors::neighbors;
+use bodies::neighbors::Families;
 use bodies::points::{Lattice, PointCloud};
 use bodies::spectrum::{BodyModes, Branch, Found, Search, Symbol, Verdict, body_modes, patch, patch_points, search, wave_vector};
 use bodies::structure::Simulated;
@@ -239,7 +239,7 @@ fn patch_problem(problem: &Problem, material: usize, lattice: &Lattice, typical:
     };
     let horizon = vec![horizon; n];
     // positions are multiples of finite spacings and horizons were checked: there is nothing left to refuse
-    let neighbors = neighbors(&cloud.position, cloud.dimension, &horizon).unwrap_or_default();
+    let families = Families::find(&cloud.position, cloud.dimension, &cloud.spacing, &horizon, &[]).unwrap_or_default();
     let patch = Problem {
         deck,
         section: problem.section,
@@ -247,7 +247,7 @@ fn patch_problem(problem: &Problem, material: usize, lattice: &Lattice, typical:
         horizon,
         sets: BTreeMap::new(),
         material: vec![0; n],
-        neighbors,
+        families,
         hidden_bonds: 0,
         cracks: None,
         thin: false,
@@ -445,7 +445,7 @@ pub fn quick(problem: &Problem) -> (Vec<String>, Vec<String>) {
     let options = Options { points: 1, ..Options::default() };
     for (m, (name, _)) in problem.deck.materials.iter().enumerate() {
         let Some(typical) = typical_point(problem, m as u32, None) else { continue };
-        let family = problem.neighbors.bonds_of(typical).len().max(1) as f64;
+        let family = problem.families.size(typical).max(1) as f64;
         if patch_points(&lattice, d, problem.horizon[typical]) * family > QUICK_BONDS {
             lines.push(format!("zero-energy modes of {} not looked for: the horizon is large; `peridyne spectrum` does", name.value));
             continue;

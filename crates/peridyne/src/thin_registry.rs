@@ -340,7 +340,7 @@ where
         )]);
     }
     let mut derived: Vec<Derived> = vec![("arms of a pair".into(), count as f64, "")];
-    let mut warnings = vec![];
+    let mut warnings: Vec<String> = too_long(problem, &layout)?.into_iter().collect();
     if D == 1 && matches!(problem.deck.solver, deck::Solver::Buckling(_)) {
         let help = "write `motion: planar` (and `axial_stiffness`, if there is no cross-section)";
         return Err(vec![Issue::new(
@@ -463,11 +463,32 @@ where
     Ok(made)
 }
 
+/// A horizon that reaches beyond the body is refused; one beyond its middle is told of: the longest pairs then have no centre.
+fn too_long(problem: &Problem, layout: &Layout) -> Checked<Option<String>> {
+    let extent = |row: &[f64; 3]| {
+        let along = layout.positions.iter().map(|x| x[0] * row[0] + x[1] * row[1] + x[2] * row[2]);
+        let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), s| (a.min(s), b.max(s)));
+        high - low
+    };
+    let shortest = layout.rows[..layout.dimension].iter().map(extent).fold(f64::INFINITY, f64::min);
+    let (horizon, span) = (problem.horizon[0], problem.deck.body.horizon.span);
+    if horizon > shortest * (1.0 + 1e-9) {
+        let message = format!("a horizon of {horizon:.6e} reaches beyond the whole body, which is {shortest:.6e} across");
+        return Err(vec![Issue::new(span, message, "write for example `horizon: 3*dx`, with many points across the body")]);
+    }
+    Ok((horizon > 0.5 * shortest * (1.0 + 1e-9)).then(|| {
+        format!(
+            "the horizon of {horizon:.6e} is longer than half the body ({shortest:.6e} across): pairs that long have no centre but at mirrors, so that the body is not as stiff as it should be"
+        )
+    }))
+}
+
 fn plate<const D: usize>(problem: &Problem, parts: &[Of<BondMultiplePlate>]) -> Checked<Assembly>
 where
     Thin<D>: Assembled,
 {
     let layout = layout(problem, true)?;
+    let warning = too_long(problem, &layout)?;
     let horizon = problem.horizon[0];
     if problem.horizon.iter().any(|h| (h / horizon - 1.0).abs() > 1e-9) {
         let span = problem.deck.body.horizon.span;
@@ -572,7 +593,9 @@ where
     }
     let breaks = parts.iter().find_map(|(_, p)| brittle(&p.behavior));
     let mass = by_material(problem, masses, 1.0).unwrap_or_default();
-    finish(problem, body, breaks, mass, derived)
+    let mut made = finish(problem, body, breaks, mass, derived)?;
+    made.warnings.extend(warning);
+    Ok(made)
 }
 
 /// Curvature at which layers yield or break: given, or that at which the outermost of the `solid` (E, h) reaches the yield stress.

@@ -3,7 +3,8 @@
 //!
 //! [`widest`] and [`widest_abreast`] run a kernel with the widest lanes the machine has. The types themselves stay private, so that code
 //! with vector instructions cannot run on a machine without them; all unsafe code of the program is in
-//! `lanes/avx512.rs` and `lanes/avx2.rs`. The portable lanes are the fallback and, in tests, the oracle.
+//! `lanes/avx512.rs` and `lanes/avx2.rs`. The portable lanes are the fallback (of lattices only on
+//! x86-64, where bonds of lists then go one by one) and, in tests, the oracle.
 
 use crate::scalar::{Cells, ROW, Scalar, array};
 use std::marker::PhantomData;
@@ -709,6 +710,9 @@ impl<A: Abreast> Abreast for Pair<A> {
 pub trait Kernel {
     /// What it gives.
     type Output;
+    /// Whether it runs so often that lanes of every instruction set are worth their compilation. Otherwise there are the widest, and bonds
+    /// one by one.
+    const OFTEN: bool;
     /// The computation; must be `#[inline(always)]`, with everything it calls.
     fn run<S: Scalar<Sum = f64>>(self) -> Self::Output;
 }
@@ -811,7 +815,9 @@ pub fn widest<K: Kernel>(kernel: K) -> K::Output {
         {
             return run(kernel);
         }
-        if may_use(Instructions::Avx2)
+        // the first is known when the program is compiled
+        if K::OFTEN
+            && may_use(Instructions::Avx2)
             && let Some(run) = avx2::available::<K>()
         {
             return run(kernel);

@@ -103,6 +103,38 @@ impl<const D: usize> Control<D> for Isotropic {
     }
 }
 
+/// Any of the controls, A as a tensor: one type for laws that cost more than the control.
+#[derive(Clone, Copy, Debug)]
+pub enum AnyControl {
+    /// [`Wan2019`].
+    Wan2019,
+    /// [`Isotropic`].
+    Isotropic(Isotropic),
+}
+
+impl<const D: usize> Control<D> for AnyControl {
+    type Shape = Matrix<f64, D>;
+    type State<R: Scalar> = Matrix<R, D>;
+    fn shape<I: Influence>(&self, c: &Stiffness<D>, inverse: &Matrix<f64, D>, omega: I, h: Reference<D>) -> Matrix<f64, D> {
+        match self {
+            AnyControl::Wan2019 => Wan2019.shape(c, inverse, omega, h),
+            AnyControl::Isotropic(control) => Matrix::identity() * control.shape(c, inverse, omega, h),
+        }
+    }
+    #[inline(always)]
+    fn state<R: Scalar>(&self, a: &Matrix<f64, D>, q: Matrix<R, D>, gradient: &Matrix<R, D>) -> (Matrix<R, D>, Matrix<R, D>) {
+        Control::<D>::state(&Wan2019, a, q, gradient)
+    }
+    #[inline(always)]
+    fn force<S: Scalar>(&self, a: &Matrix<S, D>, eta: impl FnOnce() -> Vector<S, D>) -> Vector<S, D> {
+        Wan2019.force(a, eta)
+    }
+    #[inline(always)]
+    fn energy<S: Scalar>(&self, a: &Matrix<f64, D>, z: Vector<S, D>) -> S {
+        Wan2019.energy(a, z)
+    }
+}
+
 /// Wan et al. (2019) as published: A = C₁ = C:K⁻¹, (C₁)ᵢⱼ = Cᵢⱼₖₗ (K⁻¹)ₖₗ.
 ///
 /// # Fails when

@@ -12,10 +12,10 @@ pub(crate) fn check(deck: &Sections, issues: &mut Vec<Issue>) {
         let span = Span { end: deck.span.start, ..deck.span };
         issues.push(Issue::new(span, "the deck has no material", "add one under `materials:`"));
     }
-    if matches!(deck.solver, Solver::VelocityVerlet(_)) {
+    if matches!(deck.solver, Solver::VelocityVerlet(_) | Solver::Vibration(_)) {
         for (name, _) in deck.materials.iter().filter(|(_, material)| material.density.is_none()) {
             let message = format!("`density` is missing in material `{}`", name.value);
-            issues.push(Issue::new(name.span, message, "dynamics need it: add `density: 2440 kg/m^3` or the like"));
+            issues.push(Issue::new(name.span, message, "dynamics and vibration need it: add `density: 2440 kg/m^3` or the like"));
         }
     }
 }

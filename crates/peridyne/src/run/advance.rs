@@ -74,20 +74,20 @@ pub(super) fn motion(
     Ok(Moved { exit, steps: motion.step, step, estimating })
 }
 
+/// Statics from the load `start` on, by whatever leads `run` through them.
 pub(super) fn statics(
     model: &mut (dyn Simulated + 'static),
-    program: &LoadSteps,
-    method: &mut dyn Equilibrium,
+    start: f64,
     u: &mut [f64],
     recorder: &mut Recorder,
     progress: &mut dyn Progress,
-    cancel: &AtomicBool,
+    run: impl FnOnce(&mut (dyn Simulated + 'static), &mut [f64], &mut dyn Observer<dyn Simulated>) -> Result<Ended, StaticsError>,
 ) -> (Exit, usize) {
-    let mut last = (program.start, 0);
+    let mut last = (start, 0);
     let rest = vec![0.0; u.len()];
     // the unloaded body is the first frame, and the first row of the histories
-    recorder.frame(model, 0, program.start, u, &rest);
-    recorder.begin(model, program.start, u, &rest);
+    recorder.frame(model, 0, start, u, &rest);
+    recorder.begin(model, start, u, &rest);
     let result = {
         let mut observer = |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], _: &[f64]| {
             last = (report.time, report.step);
@@ -95,34 +95,7 @@ pub(super) fn statics(
             recorder.iterations.1 += report.linear_iterations;
             recorder.step(model, report, u, &rest, progress)
         };
-        program.run(model, method, u, &mut observer, Some(cancel))
-    };
-    recorder.last_velocity = rest;
-    (ended(result, model, u, recorder, last.0), last.1)
-}
-
-/// A linear body whose bonds break one after the other.
-pub(super) fn sequential(
-    model: &mut (dyn Simulated + 'static),
-    path: &SequentiallyLinear,
-    method: &mut dyn Equilibrium,
-    u: &mut [f64],
-    recorder: &mut Recorder,
-    progress: &mut dyn Progress,
-    cancel: &AtomicBool,
-) -> (Exit, usize) {
-    let mut last = (0.0, 0);
-    let rest = vec![0.0; u.len()];
-    recorder.frame(model, 0, 0.0, u, &rest);
-    recorder.begin(model, 0.0, u, &rest);
-    let result = {
-        let mut observer = |report: &StepReport, model: &mut (dyn Simulated + 'static), u: &[f64], _: &[f64]| {
-            last = (report.time, report.step);
-            recorder.iterations.0 += report.iterations;
-            recorder.iterations.1 += report.linear_iterations;
-            recorder.step(model, report, u, &rest, progress)
-        };
-        path.run(model, method, u, &mut observer, Some(cancel))
+        run(model, u, &mut observer)
     };
     recorder.last_velocity = rest;
     (ended(result, model, u, recorder, last.0), last.1)

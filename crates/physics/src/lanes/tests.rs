@@ -16,6 +16,7 @@ fn limited<T>(instructions: Instructions, run: impl FnOnce() -> T) -> T {
 struct Everything<'a>(&'a [f64], &'a [u16]);
 impl Kernel for Everything<'_> {
     type Output = Vec<f64>;
+    const OFTEN: bool = true;
     #[inline(always)]
     fn run<S: Scalar<Sum = f64>>(self) -> Vec<f64> {
         let (mut out, mut rows) = (vec![], self.0.to_vec());
@@ -109,6 +110,7 @@ fn data_of(n: usize) -> Vec<f64> {
 struct Functions<'a>(&'a [f64], &'a [u16]);
 impl Kernel for Functions<'_> {
     type Output = Vec<f64>;
+    const OFTEN: bool = true;
     #[inline(always)]
     fn run<S: Scalar<Sum = f64>>(self) -> Vec<f64> {
         let mut rows = vec![0.0; self.0.len() * ROW];

@@ -367,6 +367,8 @@ struct Sweep<'a, M: Material<D>, const D: usize> {
 
 impl<M: Material<D>, const D: usize> Kernel for Sweep<'_, M, D> {
     type Output = ();
+    // lanes of AVX2, as the portable ones, are asked once for each model: the compiler's time
+    const OFTEN: bool = !M::STORED_INFLUENCE;
     #[inline(always)]
     fn run<S: Scalar<Sum = f64>>(self) {
         let Sweep { material, constants, shapes, view, slots, rows, out } = self;

@@ -14,7 +14,7 @@ use physics::models::{
 };
 use physics::stretch_law::{Bilinear, ElasticPlastic, Tabulated};
 use physics::sub_horizon::Partition;
-use physics::zero_energy::{self, Control, NoControl, Wan2019};
+use physics::zero_energy::{self, AnyControl, Control, NoControl, Wan2019};
 
 /// E = 200 GPa, ν = 0.3.
 pub const STEEL: Isotropic = Isotropic { young: 200e9, poisson: 0.3 };
@@ -146,24 +146,27 @@ fn soft_metal(section: Section) -> J2PlasticityConstants {
 
 /// Correspondence with J2 plasticity.
 fn plastic<const D: usize>(t: &mut Vec<Row<D>>, section: Section, name: &str, measure: StrainMeasure, rotation: Rotation) {
-    let model =
-        Correspondence { law: OfStrain(J2Plasticity), control: zero_energy::Isotropic::Silling2017 { strength: 0.7 }, omega: Stored };
     let c = OfStrainConstants { measure, law: soft_metal(section) };
-    t.push(Row {
-        name: format!("correspondence, J2 plastic, {name}, Silling2017, {}, stored influence", section_name(section)),
-        section,
-        rotation,
-        conservative: true,
-        words: 0,
-        amplification: 1.0,
-        point_words: <J2Plasticity as StrainLaw<D>>::MEMORY,
-        remembers: true,
-        thermal: true,
-        viscous: false,
-        partition: None,
-        local: None,
-        model: Box::new(Case(model, c)),
-    });
+    let fixed = if rotation == Rotation::Objective { Rotation::FixedControl } else { rotation };
+    for (control, rotation) in
+        [(AnyControl::Isotropic(zero_energy::Isotropic::Silling2017 { strength: 0.7 }), rotation), (AnyControl::Wan2019, fixed)]
+    {
+        t.push(Row {
+            name: format!("correspondence, J2 plastic, {name}, {control:?}, {}, stored influence", section_name(section)),
+            section,
+            rotation,
+            conservative: true,
+            words: 0,
+            amplification: 1.0,
+            point_words: <J2Plasticity as StrainLaw<D>>::MEMORY,
+            remembers: true,
+            thermal: true,
+            viscous: false,
+            partition: None,
+            local: None,
+            model: Box::new(Case(Correspondence { law: OfStrain(J2Plasticity), control, omega: Stored }, c)),
+        });
+    }
     if const { D == 2 } {
         let (law, empty) = (OfStrain(J2Plasticity), EmptySubHorizon::Renormalise);
         t.push(Row {

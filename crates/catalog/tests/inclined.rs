@@ -1,17 +1,15 @@
 //! Supports in any direction: a body turned in space, with its supports, does what the body along the axes does.
 
+mod common;
+
 use bodies::body::{Body, Geometry};
 use bodies::chunk::Link;
-use bodies::inclined::Inclined;
 use bodies::loads::{Condition, Field, Kind};
 use bodies::neighbors::neighbors;
-use bodies::part::{Assigned, Constants, Part};
 use bodies::structure::{Parts, Simulated, Structure};
-use physics::constitutive::SaintVenantKirchhoff;
+use catalog::{Catalog, Compiled};
+use common::{CONTROLLED, correspondence, everywhere, linear_solid, saint_venant};
 use physics::elasticity::{Isotropic, Section, Stiffness};
-use physics::influence::One;
-use physics::models::{Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
-use physics::zero_energy;
 use solvers::load_steps::Equilibrium;
 use solvers::newton::{LinearSolver, Newton, NewtonOptions};
 use solvers::observe::StepReport;
@@ -44,7 +42,10 @@ fn turned(r: &Rotation, x: [f64; 3]) -> [f64; 3] {
 
 /// A block of points, turned, with a roller on each of its low faces; its high face along x is moved along x by 0.02 (statics) or at a speed of
 /// 0.02. `along_axes`: the same prescribed by components.
-fn block<const D: usize>(r: &Rotation, along_axes: bool, kind: fn() -> Kind, finite: bool) -> Box<dyn Simulated> {
+fn block<const D: usize>(r: &Rotation, along_axes: bool, kind: fn() -> Kind, finite: bool) -> Box<dyn Simulated>
+where
+    Catalog: Compiled<D>,
+{
     let sides = [7, 5, if D == 3 { 4 } else { 1 }];
     let place = |p: usize| [p % sides[0], p / sides[0] % sides[1], p / (sides[0] * sides[1])];
     let n = sides[0] * sides[1] * sides[2];
@@ -57,13 +58,9 @@ fn block<const D: usize>(r: &Rotation, along_axes: bool, kind: fn() -> Kind, fin
     });
     let section = if D == 3 { Section::Solid } else { Section::PlaneStrain { thickness: 1.0 } };
     let points: Vec<u32> = (0..n as u32).collect();
-    let part: Box<dyn Part<D>> = if finite {
-        let model = Correspondence { law: SaintVenantKirchhoff, control: zero_energy::Isotropic::Wan2019, omega: One };
-        Box::new(Assigned::new("c", model, Constants::Uniform(Stiffness::isotropic(ELASTIC, 0.0, section)), &points, body.chunks()))
-    } else {
-        let constants = LinearPeridynamicSolidConstants::new(ELASTIC, section);
-        Box::new(Assigned::new("l", LinearPeridynamicSolid { omega: One }, Constants::Uniform(constants), &points, body.chunks()))
-    };
+    let elastic = Stiffness::isotropic(ELASTIC, 0.0, section);
+    let model = if finite { correspondence(saint_venant(elastic), CONTROLLED) } else { linear_solid(ELASTIC, section) };
+    let part = everywhere(model, &body);
     body.assign(vec![part]).unwrap();
     let condition = |name: &str, axis: usize, last: bool, value: f64| {
         let points = (0..n).filter(|&p| place(p)[axis] == if last { sides[axis] - 1 } else { 0 }).map(|p| p as u32).collect();
@@ -80,7 +77,7 @@ fn block<const D: usize>(r: &Rotation, along_axes: bool, kind: fn() -> Kind, fin
     let parts = Parts { id: (0..n as u64).collect(), user: points, material: vec![0; n], density: ones };
     let structure = Structure::new(body, parts, conditions, None, vec![], 1.0);
     assert_eq!(structure.is_inclined(), !along_axes);
-    if along_axes { Box::new(structure) } else { Box::new(Inclined::new(structure)) }
+    Catalog::simulated(structure)
 }
 
 /// What a turned body did, turned back: displacements, reaction of the pull, energy and work.
@@ -103,7 +100,10 @@ fn assert_same(what: &str, want: &[f64], got: &[f64], bound: f64) {
     assert!(want.len() == got.len() && worst < bound, "{what}: {worst:e}");
 }
 
-fn equilibrium<const D: usize>(r: &Rotation, along_axes: bool, solver: LinearSolver, finite: bool) -> Vec<f64> {
+fn equilibrium<const D: usize>(r: &Rotation, along_axes: bool, solver: LinearSolver, finite: bool) -> Vec<f64>
+where
+    Catalog: Compiled<D>,
+{
     let mut s = block::<D>(r, along_axes, || Kind::Displacement, finite);
     s.set_statics(true);
     let mut u = vec![0.0; Statics::dofs(&*s)];
@@ -115,7 +115,10 @@ fn equilibrium<const D: usize>(r: &Rotation, along_axes: bool, solver: LinearSol
     measured::<D>(&mut *s, r, &u, &rest)
 }
 
-fn statics<const D: usize>(finite: bool, bound: f64) {
+fn statics<const D: usize>(finite: bool, bound: f64)
+where
+    Catalog: Compiled<D>,
+{
     let want = equilibrium::<D>(&NONE, true, LinearSolver::Direct, finite);
     let same = |r: &Rotation, solver| equilibrium::<D>(r, false, solver, finite);
     let r = rotation(0.7, D);
@@ -132,7 +135,10 @@ fn a_turned_patch_on_rollers_in_equilibrium_is_the_patch_along_the_axes() {
     statics::<3>(true, 1e-11);
 }
 
-fn moved<const D: usize>(r: &Rotation, along_axes: bool, kind: fn() -> Kind) -> Vec<f64> {
+fn moved<const D: usize>(r: &Rotation, along_axes: bool, kind: fn() -> Kind) -> Vec<f64>
+where
+    Catalog: Compiled<D>,
+{
     let mut s = block::<D>(r, along_axes, kind, true);
     s.set_statics(false);
     let n = Dynamics::dofs(&*s);
@@ -164,9 +170,7 @@ fn directions_at_any_angle_make_one_displacement() {
     let mut body = Body::<2>::new(&g, false, 0, |p, out: &mut Vec<Link>| {
         out.extend((0..3).filter(|&q| q != p).map(|q| Link { point: q as u32, flips: 0, end: position[q], weight: 1.0, sets: 0 }));
     });
-    let constants = LinearPeridynamicSolidConstants::new(ELASTIC, Section::PlaneStrain { thickness: 1.0 });
-    let part: Box<dyn Part<2>> =
-        Box::new(Assigned::new("l", LinearPeridynamicSolid { omega: One }, Constants::Uniform(constants), &[0, 1, 2], body.chunks()));
+    let part = everywhere(linear_solid(ELASTIC, Section::PlaneStrain { thickness: 1.0 }), &body);
     body.assign(vec![part]).unwrap();
     let condition = |along: Option<[f64; 3]>, points: Vec<u32>, value: fn([f64; 3]) -> f64| Condition {
         name: "held".into(),
@@ -179,9 +183,9 @@ fn directions_at_any_angle_make_one_displacement() {
     let conditions =
         vec![condition(Some([slope, slope, 0.0]), vec![0, 1, 2], |x| 0.01 * x[0]), condition(None, vec![0, 1, 2], |x| 0.02 * x[1])];
     let parts = Parts { id: vec![0, 1, 2], user: vec![0, 1, 2], material: vec![0; 3], density: ones };
-    let mut s = Inclined::new(Structure::new(body, parts, conditions, None, vec![], 1.0));
+    let mut s = Catalog::simulated(Structure::new(body, parts, conditions, None, vec![], 1.0));
     s.set_statics(true);
-    assert!(Statics::fixed(&s).iter().all(|f| *f));
+    assert!(Statics::fixed(&*s).iter().all(|f| *f));
     let mut u = vec![0.0; 6];
     s.prescribe(1.0, &mut u);
     let space = s.field(bodies::measures::FieldName::Displacement, 1.0, &u, &[0.0; 6]);

@@ -1,20 +1,18 @@
 //! A body as a whole: forces, tangents and energies are derivatives of one another through chunks, halos and mirror images; threads do
 //! not matter; breaking and going back.
 
+mod common;
+
 use bodies::body::{Body, Geometry, StiffnessScratch};
 use bodies::chunk::Link;
 use bodies::damage::{Criterion, DamageState};
 use bodies::neighbors::{Mirror, neighbors_with_mirrors};
-use bodies::part::{Assigned, Constants, Part};
-use physics::constitutive::{LinearElastic, SaintVenantKirchhoff};
+use bodies::part::{Constants, Part};
+use catalog::{Law, Model, SmoothLaw};
+use common::{CONTROLLED, UNCONTROLLED, bonds, correspondence, everywhere, linear_solid, on, saint_venant};
+use physics::constitutive::HyperelasticConstants;
 use physics::elasticity::{Isotropic, Section, Stiffness};
-use physics::influence::{One, Stored};
-use physics::models::{
-    BondBased, BondBasedConstants, BondStrainCalibration, CorrectedCorrespondence, Correspondence, EmptySubHorizon, ExtendedCorrespondence,
-    LinearPeridynamicSolid, LinearPeridynamicSolidConstants, SethHill, SubHorizonCorrespondence,
-};
-use physics::stretch_law::Elastic;
-use physics::zero_energy;
+use physics::models::{BondStrainCalibration, EmptySubHorizon};
 
 const ELASTIC: Isotropic = Isotropic { young: 3.0, poisson: 0.3 };
 const SECTION: Section = Section::PlaneStrain { thickness: 1.0 };
@@ -24,7 +22,7 @@ fn lattice(columns: std::ops::Range<i32>, rows: std::ops::Range<i32>) -> Vec<[f6
     rows.flat_map(|j| columns.clone().map(move |i| [i as f64 + 0.5, j as f64 + 0.5, 0.0])).collect()
 }
 
-fn body(position: &[[f64; 3]], horizon: f64, mirrors: &[Mirror], correspondence: bool) -> Body<2> {
+fn body(position: &[[f64; 3]], horizon: f64, mirrors: &[Mirror], finite: bool) -> Body<2> {
     let n = position.len();
     let (volume, horizons, spacing) = (vec![1.0; n], vec![horizon; n], vec![1.0; n]);
     let found = neighbors_with_mirrors(position, 2, &spacing, &horizons, mirrors).unwrap();
@@ -38,16 +36,17 @@ fn body(position: &[[f64; 3]], horizon: f64, mirrors: &[Mirror], correspondence:
             sets: 0,
         }));
     });
-    let points: Vec<u32> = (0..n as u32).collect();
-    let part: Box<dyn Part<2>> = if correspondence {
-        let model = Correspondence { law: SaintVenantKirchhoff, control: zero_energy::Isotropic::Wan2019, omega: One };
-        Box::new(Assigned::new("c", model, Constants::Uniform(Stiffness::isotropic(ELASTIC, 0.0, SECTION)), &points, body.chunks()))
-    } else {
-        let constants = LinearPeridynamicSolidConstants::new(ELASTIC, SECTION);
-        Box::new(Assigned::new("l", LinearPeridynamicSolid { omega: One }, Constants::Uniform(constants), &points, body.chunks()))
-    };
+    let part = everywhere(if finite { solid() } else { linear_solid(ELASTIC, SECTION) }, &body);
     body.assign(vec![part]).unwrap();
     body
+}
+
+fn stiffness() -> Stiffness<2> {
+    Stiffness::isotropic(ELASTIC, 0.0, SECTION)
+}
+
+fn solid() -> Model<2> {
+    correspondence(saint_venant(stiffness()), CONTROLLED)
 }
 
 /// Smooth and rough at once, of moderate size.
@@ -253,24 +252,17 @@ fn gathered_and_scattered_forces_are_the_same() {
     let position = lattice(0..70, 0..40);
     let u = motion(&position);
     let n = position.len() as u32;
-    let bonds = |parts: &[std::ops::Range<u32>]| {
+    let forces = |parts: &[std::ops::Range<u32>]| {
         let mut b = body(&position, 3.015, &[Mirror { axis: 0, at: 0.0 }], false);
-        let constants = BondBasedConstants { young: 3.0, section: SECTION, continuum: false };
-        let made: Vec<Box<dyn Part<2>>> = parts
-            .iter()
-            .map(|range| {
-                let points: Vec<u32> = range.clone().collect();
-                let model = BondBased { law: Elastic, omega: One };
-                Box::new(Assigned::new("b", model, Constants::Uniform(constants), &points, b.chunks())) as Box<dyn Part<2>>
-            })
-            .collect();
+        let made: Vec<Box<dyn Part<2>>> =
+            parts.iter().map(|range| on(&range.clone().collect::<Vec<u32>>(), bonds(3.0, SECTION), false, 0, &b)).collect();
         assert_eq!(made[0].gathers(), parts.len() == 1);
         b.assign(made).unwrap();
         let mut f = vec![0.0; u.len()];
         b.internal_force(&u, None, &mut f);
         f
     };
-    let (gathered, scattered) = (bonds(std::slice::from_ref(&(0..n))), bonds(&[0..n / 3, n / 3..n]));
+    let (gathered, scattered) = (forces(std::slice::from_ref(&(0..n))), forces(&[0..n / 3, n / 3..n]));
     let worst = gathered.iter().zip(&scattered).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(worst <= 1e-13 * largest(&gathered), "{worst:e} of {:e}", largest(&gathered));
 }
@@ -298,25 +290,12 @@ fn fields_are_those_of_the_model() {
         body.assign(vec![part]).unwrap();
         body
     };
-    let points: Vec<u32> = (0..n as u32).collect();
-    let constants = Stiffness::isotropic(ELASTIC, 0.0, SECTION);
-    let conventional = |b: &Body<2>| -> Box<dyn Part<2>> {
-        let model = Correspondence { law: SaintVenantKirchhoff, control: zero_energy::NoControl, omega: Stored };
-        Box::new(Assigned::new("c", model, Constants::Uniform(constants), &points, b.chunks()))
-    };
-    let linear_solid = |b: &Body<2>| -> Box<dyn Part<2>> {
-        let c = LinearPeridynamicSolidConstants::new(ELASTIC, SECTION);
-        Box::new(Assigned::new("l", LinearPeridynamicSolid { omega: Stored }, Constants::Uniform(c), &points, b.chunks()))
-    };
-    let corrected = |b: &Body<2>| -> Box<dyn Part<2>> {
-        let model =
-            CorrectedCorrespondence::<_, _, _, 5> { law: SaintVenantKirchhoff, control: zero_energy::NoControl, omega: Stored, order: 2 };
-        Box::new(Assigned::new("k", model, Constants::Uniform(constants), &points, b.chunks()))
-    };
-    let divided = |b: &Body<2>| -> Box<dyn Part<2>> {
-        let model = SubHorizonCorrespondence::<_, _, 4> { law: SaintVenantKirchhoff, omega: Stored, empty: EmptySubHorizon::Renormalise };
-        Box::new(Assigned::new("s", model, Constants::Uniform(constants), &points, b.chunks()))
-    };
+    let law = || saint_venant(stiffness());
+    let weighted = |model: Model<2>| move |b: &Body<2>| on(&(0..b.points() as u32).collect::<Vec<_>>(), model.clone(), true, 4, b);
+    let conventional = weighted(correspondence(law(), UNCONTROLLED));
+    let solid = weighted(linear_solid(ELASTIC, SECTION));
+    let corrected = weighted(Model::Corrected(law(), physics::zero_energy::Isotropic::None, 2));
+    let divided = weighted(Model::SubHorizons(law(), EmptySubHorizon::Renormalise));
     let h = [[0.02, -0.01], [0.03, 0.04]];
     let affine: Vec<f64> = position.iter().flat_map(|x| [h[0][0] * x[0] + h[0][1] * x[1], h[1][0] * x[0] + h[1][1] * x[1]]).collect();
     // u = 0.01 x² along x: the gradient is 0.02 x
@@ -342,7 +321,7 @@ fn fields_are_those_of_the_model() {
     type Make<'a> = &'a dyn Fn(&Body<2>) -> Box<dyn Part<2>>;
     let all: [(&str, Make, f64); 4] = [
         ("conventional", &conventional, mean),
-        ("linear solid", &linear_solid, mean),
+        ("linear solid", &solid, mean),
         ("corrected", &corrected, exact),
         ("quadrants", &divided, mean),
     ];
@@ -357,16 +336,7 @@ fn fields_are_those_of_the_model() {
         assert!(b.extended_strain(&affine).iter().all(|e| e.0[0][0].is_nan()));
     }
     assert!(mean > 2.0 * exact, "the case tells the models apart");
-    let extended = |b: &Body<2>| -> Box<dyn Part<2>> {
-        let model = ExtendedCorrespondence {
-            law: LinearElastic,
-            exponent: SethHill::new(1.0).unwrap(),
-            calibration: BondStrainCalibration::MomentTensor,
-            control: 0.0,
-            omega: Stored,
-        };
-        Box::new(Assigned::new("e", model, Constants::Uniform(constants), &points, b.chunks()))
-    };
+    let extended = weighted(common::extended(stiffness(), 1.0, BondStrainCalibration::MomentTensor, 0.0));
     // m = 1: the Green–Lagrange strain of every uniform F, at corners too
     for e in make(&extended).extended_strain(&affine) {
         for q in 0..4 {
@@ -382,12 +352,11 @@ fn lattice_families_share_their_shapes() {
     // constants point by point are never shared: the same forces, by far less memory
     let position = lattice(0..70, 0..40);
     let u = motion(&position);
-    let points: Vec<u32> = (0..position.len() as u32).collect();
-    let constants = Stiffness::isotropic(ELASTIC, 0.0, SECTION);
-    let run = |constants: Constants<Stiffness<2>>| {
+    let n = position.len();
+    let constants = HyperelasticConstants::SaintVenantKirchhoff(stiffness());
+    let run = |constants: Constants<HyperelasticConstants<2>>| {
         let mut b = body(&position, 3.015, &[Mirror { axis: 0, at: 0.0 }], true);
-        let model = Correspondence { law: SaintVenantKirchhoff, control: zero_energy::Isotropic::Wan2019, omega: One };
-        let part: Box<dyn Part<2>> = Box::new(Assigned::new("c", model, constants, &points, b.chunks()));
+        let part = everywhere(Model::Correspondence(Law::Smooth(SmoothLaw::Hyperelastic(constants)), CONTROLLED), &b);
         b.assign(vec![part]).unwrap();
         let mut f = vec![0.0; u.len()];
         b.internal_force(&u, None, &mut f);
@@ -404,13 +373,13 @@ fn lattice_families_share_their_shapes() {
         assert_eq!(f, again);
         (f, g, whole)
     };
-    let (shared, own) = (run(Constants::Uniform(constants)), run(Constants::PerPoint(vec![constants; points.len()])));
+    let (shared, own) = (run(Constants::Uniform(constants)), run(Constants::PerPoint(vec![constants; n])));
     for (a, b) in [(&shared.0, &own.0), (&shared.1, &own.1)] {
         let worst = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(worst <= 1e-12 * largest(a), "{worst:e} of {:e}", largest(a));
     }
-    let each = own.2 as f64 / points.len() as f64 - size_of::<Stiffness<2>>() as f64;
-    let few = shared.2 as f64 / points.len() as f64;
+    let each = own.2 as f64 / n as f64 - size_of::<HyperelasticConstants<2>>() as f64;
+    let few = shared.2 as f64 / n as f64;
     println!("bytes a point: {few:.1} shared, {each:.1} else");
     assert!(few < 0.5 * each);
 }
@@ -422,10 +391,7 @@ fn bonds_that_break_held_the_energy_of_their_springs() {
     let u = motion(&position);
     let n = position.len();
     let mut b = body(&position, 2.015, &[], false);
-    let points: Vec<u32> = (0..n as u32).collect();
-    let constants = BondBasedConstants { young: 3.0, section: SECTION, continuum: false };
-    let part: Box<dyn Part<2>> =
-        Box::new(Assigned::new("b", BondBased { law: Elastic, omega: One }, Constants::Uniform(constants), &points, b.chunks()));
+    let part = everywhere(bonds(3.0, SECTION), &b);
     b.assign(vec![part]).unwrap();
     let critical = vec![0.02; n];
     let found: Vec<_> = b.exceeding(&u, None, &Criterion::CriticalStretch(critical)).into_iter().map(|f| f.0).collect();

@@ -1,19 +1,19 @@
 //! Families of equal shape: found where they are, not where they are not, and their stiffness is the same as computed one by one.
 
+mod common;
+
 use bodies::body::{Body, Geometry};
 use bodies::chunk::Link;
-use bodies::loads::{Condition, Field, Kind};
+use bodies::loads::{self, Condition, Field};
 use bodies::neighbors::neighbors;
-use bodies::part::{Assigned, Constants, Part};
+use bodies::part::Constants;
 use bodies::structure::{Parts, Structure};
-use physics::constitutive::SaintVenantKirchhoff;
+use catalog::Model;
+use common::{CONTROLLED, correspondence, on, saint_venant};
 use physics::elasticity::{Isotropic, Section, Stiffness};
-use physics::influence::One;
-use physics::models::{BondBased, BondBasedConstants, Correspondence, EmptySubHorizon, SubHorizonCorrespondence};
-use physics::stretch_law::Elastic;
+use physics::models::{BondBasedConstants, EmptySubHorizon};
 use physics::sub_horizon::Partition;
 use physics::tensor::Vector;
-use physics::zero_energy;
 use solvers::problem::Statics;
 use solvers::sparse::BlockMatrix;
 use std::collections::BTreeSet;
@@ -22,7 +22,7 @@ const ELASTIC: Isotropic = Isotropic { young: 3.0, poisson: 0.25 };
 const SECTION: Section = Section::PlaneStrain { thickness: 1.0 };
 
 #[derive(Clone, Copy, Debug)]
-enum Model {
+enum Kind {
     BondBased,
     Correspondence,
     Quadrants,
@@ -33,12 +33,12 @@ fn lattice(columns: usize, rows: usize) -> Vec<[f64; 3]> {
     (0..columns * rows).map(|q| [17.3 + 0.1 * (q % columns) as f64, -5.1 + 0.1 * (q / columns) as f64, 0.0]).collect()
 }
 
-fn body(position: &[[f64; 3]], volume: &[f64], model: Model) -> Body<2> {
+fn body(position: &[[f64; 3]], volume: &[f64], kind: Kind) -> Body<2> {
     let n = position.len();
     let horizon = vec![0.21; n];
     let found = neighbors(position, 2, &horizon).unwrap();
     let g = Geometry { position, volume, horizon: &horizon };
-    let divided = matches!(model, Model::Quadrants);
+    let divided = matches!(kind, Kind::Quadrants);
     let mut body = Body::<2>::new(&g, false, if divided { 4 } else { 0 }, |p, out: &mut Vec<Link>| {
         out.extend(found.of(p).iter().map(|&q| Link { point: q, flips: 0, end: position[q as usize], weight: 1.0, sets: 0 }));
         if divided {
@@ -47,22 +47,13 @@ fn body(position: &[[f64; 3]], volume: &[f64], model: Model) -> Body<2> {
         }
     });
     let points: Vec<u32> = (0..n as u32).collect();
-    let elastic = Constants::Uniform(Stiffness::<2>::isotropic(ELASTIC, 0.0, SECTION));
-    let law = SaintVenantKirchhoff;
-    let part: Box<dyn Part<2>> = match model {
-        Model::BondBased => {
-            let constants = BondBasedConstants { young: 3.0, section: SECTION, continuum: true };
-            Box::new(Assigned::new("b", BondBased { law: Elastic, omega: One }, Constants::Uniform(constants), &points, body.chunks()))
-        }
-        Model::Correspondence => {
-            let model = Correspondence { law, control: zero_energy::Isotropic::Wan2019, omega: One };
-            Box::new(Assigned::new("c", model, elastic, &points, body.chunks()))
-        }
-        Model::Quadrants => {
-            let model = SubHorizonCorrespondence::<_, _, 4> { law, omega: One, empty: EmptySubHorizon::Renormalise };
-            Box::new(Assigned::new("q", model, elastic, &points, body.chunks()))
-        }
+    let law = saint_venant(Stiffness::<2>::isotropic(ELASTIC, 0.0, SECTION));
+    let model = match kind {
+        Kind::BondBased => Model::ElasticBonds(Constants::Uniform(BondBasedConstants { young: 3.0, section: SECTION, continuum: true })),
+        Kind::Correspondence => correspondence(law, CONTROLLED),
+        Kind::Quadrants => Model::SubHorizons(law, EmptySubHorizon::Renormalise),
     };
+    let part = on(&points, model, false, if divided { 4 } else { 0 }, &body);
     body.assign(vec![part]).unwrap();
     body
 }
@@ -70,8 +61,13 @@ fn body(position: &[[f64; 3]], volume: &[f64], model: Model) -> Body<2> {
 fn structure(body: Body<2>) -> Structure<2> {
     let n = body.points();
     let zero = || -> Option<Field> { Some(Box::new(|_, _| 0.0)) };
-    let held =
-        Condition { name: "held".into(), kind: Kind::Displacement, points: vec![0, 1, 2], components: [zero(), zero(), None], along: None };
+    let held = Condition {
+        name: "held".into(),
+        kind: loads::Kind::Displacement,
+        points: vec![0, 1, 2],
+        components: [zero(), zero(), None],
+        along: None,
+    };
     let parts = Parts { id: (0..n as u64).collect(), user: (0..n as u32).collect(), material: vec![0; n], density: vec![1.0; n] };
     Structure::new(body, parts, vec![held], None, vec![], 1.0)
 }
@@ -84,7 +80,7 @@ fn distinct(body: &Body<2>) -> usize {
 fn a_lattice_has_as_many_shapes_as_places_relative_to_its_edges() {
     let position = lattice(14, 11);
     let even = vec![0.01; position.len()];
-    for model in [Model::BondBased, Model::Correspondence, Model::Quadrants] {
+    for model in [Kind::BondBased, Kind::Correspondence, Kind::Quadrants] {
         let mut b = body(&position, &even, model);
         b.forward(&vec![0.0; 2 * position.len()], None);
         // two layers at each edge and the middle, along both axes
@@ -93,11 +89,11 @@ fn a_lattice_has_as_many_shapes_as_places_relative_to_its_edges() {
     // one point of another volume: the 13 families that hold it stand alone, and the other 24 shapes remain besides that of the middle
     let mut uneven = even.clone();
     uneven[5 * 14 + 6] = 0.011;
-    assert_eq!(distinct(&body(&position, &uneven, Model::Correspondence)), 25 + 13);
+    assert_eq!(distinct(&body(&position, &uneven, Kind::Correspondence)), 25 + 13);
     // and one that is out of its place by a millionth of the spacing
     let mut moved = position.clone();
     moved[5 * 14 + 6][0] += 1e-7;
-    assert_eq!(distinct(&body(&moved, &even, Model::Correspondence)), 25 + 13);
+    assert_eq!(distinct(&body(&moved, &even, Kind::Correspondence)), 25 + 13);
 }
 
 #[test]
@@ -105,7 +101,7 @@ fn shared_stiffness_is_the_stiffness() {
     let mut position = lattice(40, 30);
     position[411][1] += 0.02;
     let volume: Vec<f64> = (0..position.len()).map(|p| if p == 700 { 0.02 } else { 0.01 }).collect();
-    for model in [Model::BondBased, Model::Correspondence, Model::Quadrants] {
+    for model in [Kind::BondBased, Kind::Correspondence, Kind::Quadrants] {
         let mut s = structure(body(&position, &volume, model));
         let n = Statics::dofs(&s);
         let (u, x): (Vec<f64>, Vec<f64>) = (vec![0.0; n], (0..n).map(|q| ((q * 7919 % 1009) as f64 - 504.0) / 504.0).collect());

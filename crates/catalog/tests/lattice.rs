@@ -1,26 +1,20 @@
 //! Bodies on lattices: eight points abreast give what the lists give, whatever the model, the dimension, the damage and the threads; and
 //! lists serve where points or materials are not for lattices.
 
+mod common;
+
 use bodies::body::{Body, Geometry};
 use bodies::chunk::Link;
 use bodies::damage::{Criterion, DamageState};
 use bodies::neighbors::{Mirror, neighbors_with_mirrors};
-use bodies::part::{Assigned, Constants, Part};
-use physics::constitutive::{
-    J2Plasticity, J2PlasticityConstants, KelvinVoigt, KelvinVoigtConstants, LinearElastic, OfStrain, OfStrainConstants,
-    SaintVenantKirchhoff, StrainMeasure,
-};
+use bodies::part::{Constants, Part};
+use catalog::{Catalog, Compiled, Law, Model, SmoothLaw};
+use common::{CONTROLLED, correspondence, on, saint_venant};
+use physics::constitutive::{J2PlasticityConstants, KelvinVoigtConstants, OfStrainConstants, StrainMeasure};
 use physics::elasticity::{Isotropic, Section, Stiffness};
-use physics::influence::{One, Stored};
-use physics::material::Material;
-use physics::models::{
-    BondBased, BondBasedConstants, BondStrainCalibration, Correspondence, EmptySubHorizon, ExtendedCorrespondence, LinearPeridynamicSolid,
-    LinearPeridynamicSolidConstants, SethHill, SubHorizonCorrespondence,
-};
-use physics::stretch_law::Elastic;
+use physics::models::{BondStrainCalibration, EmptySubHorizon};
 use physics::sub_horizon::Partition;
 use physics::tensor::Vector;
-use physics::zero_energy;
 
 /// Seeded numbers in [0, 1).
 struct Random(u64);
@@ -188,46 +182,49 @@ fn worst<const D: usize>(case: &Case<D>, parts: Parts<D>) -> f64 {
     worst
 }
 
-fn everywhere<M: Material<D>, const D: usize>(model: M, c: M::Constants) -> impl Fn(&Body<D>) -> Vec<Box<dyn Part<D>>> {
-    move |b: &Body<D>| {
-        let points: Vec<u32> = (0..b.points() as u32).collect();
-        vec![Box::new(Assigned::new("m", model.clone(), Constants::Uniform(c), &points, b.chunks())) as Box<dyn Part<D>>]
-    }
+/// A model on a whole body of a case.
+fn everywhere<const D: usize>(case: &Case<D>, model: Model<D>) -> impl Fn(&Body<D>) -> Vec<Box<dyn Part<D>>>
+where
+    Catalog: Compiled<D>,
+{
+    let (weighted, sets) = (case.weighted, case.sets);
+    move |b: &Body<D>| vec![on(&(0..b.points() as u32).collect::<Vec<_>>(), model.clone(), weighted, sets, b)]
+}
+
+fn solid<const D: usize>() -> Model<D> {
+    correspondence(saint_venant(stiffness()), CONTROLLED)
 }
 
 fn stiffness<const D: usize>() -> Stiffness<D> {
     Stiffness::isotropic(ELASTIC, 0.0, section(D))
 }
 
-fn plasticity<const D: usize>() -> OfStrainConstants<J2PlasticityConstants> {
+fn plasticity<const D: usize>() -> SmoothLaw<D> {
     let law = J2PlasticityConstants::new(ELASTIC, 0.02, 0.3, 0.0, section(D)).unwrap();
-    OfStrainConstants { measure: StrainMeasure::Logarithmic, law }
+    SmoothLaw::Plastic(Constants::Uniform(OfStrainConstants { measure: StrainMeasure::Logarithmic, law }))
 }
 
-fn bonds(d: usize) -> BondBasedConstants {
-    BondBasedConstants { young: 3.0, section: section(d), continuum: false }
+fn bonds<const D: usize>() -> Model<D> {
+    common::bonds(3.0, section(D))
 }
 
-fn correspondence() -> Correspondence<SaintVenantKirchhoff, zero_energy::Isotropic, One> {
-    Correspondence { law: SaintVenantKirchhoff, control: zero_energy::Isotropic::Wan2019, omega: One }
+fn linear_solid<const D: usize>() -> Model<D> {
+    common::linear_solid(ELASTIC, section(D))
 }
 
 /// Models of every kind in the plane.
 fn in_the_plane(case: Case<2>) -> Vec<(&'static str, f64)> {
     let (weighted, divided) = (Case { weighted: true, ..case }, Case { sets: 4, ..case });
-    let plastic = Correspondence { law: OfStrain(J2Plasticity), control: zero_energy::Isotropic::Wan2019, omega: Stored };
-    let (exponent, calibration) = (SethHill::new(-0.5).unwrap(), BondStrainCalibration::TruncatedMomentTensor);
-    let extended = ExtendedCorrespondence { law: LinearElastic, exponent, calibration, control: 1.0, omega: One };
-    let quadrants = SubHorizonCorrespondence::<_, _, 4> { law: SaintVenantKirchhoff, omega: One, empty: EmptySubHorizon::Renormalise };
-    let c = LinearPeridynamicSolidConstants::new(ELASTIC, section(2));
+    let extended = common::extended(stiffness(), -0.5, BondStrainCalibration::TruncatedMomentTensor, 1.0);
+    let of = |case: &Case<2>, model: Model<2>| worst(case, &everywhere(case, model));
     vec![
-        ("bond-based", worst(&case, &everywhere(BondBased { law: Elastic, omega: One }, bonds(2)))),
-        ("bond-based, cone", worst(&weighted, &everywhere(BondBased { law: Elastic, omega: Stored }, bonds(2)))),
-        ("linear solid, cone", worst(&weighted, &everywhere(LinearPeridynamicSolid { omega: Stored }, c))),
-        ("correspondence", worst(&case, &everywhere(correspondence(), stiffness::<2>()))),
-        ("correspondence, plastic, cone", worst(&weighted, &everywhere(plastic, plasticity::<2>()))),
-        ("extended", worst(&case, &everywhere(extended, stiffness::<2>()))),
-        ("sub-horizons", worst(&divided, &everywhere(quadrants, stiffness::<2>()))),
+        ("bond-based", of(&case, bonds())),
+        ("bond-based, cone", of(&weighted, bonds())),
+        ("linear solid, cone", of(&weighted, linear_solid())),
+        ("correspondence", of(&case, solid())),
+        ("correspondence, plastic, cone", of(&weighted, correspondence(plasticity(), CONTROLLED))),
+        ("extended", of(&case, extended)),
+        ("sub-horizons", of(&divided, Model::SubHorizons(saint_venant(stiffness()), EmptySubHorizon::Renormalise))),
     ]
 }
 
@@ -242,12 +239,8 @@ fn ask(dimension: &str, found: Vec<(&'static str, f64)>) {
 #[test]
 fn abreast_as_by_lists_in_three_dimensions() {
     let case = Case { size: [13, 14, 21], spacing: [1e-3; 3], horizon: 2.515e-3, mirrors: false, weighted: false, sets: 0 };
-    let c = LinearPeridynamicSolidConstants::new(ELASTIC, section(3));
-    let found = vec![
-        ("bond-based", worst(&case, &everywhere(BondBased { law: Elastic, omega: One }, bonds(3)))),
-        ("linear solid", worst(&case, &everywhere(LinearPeridynamicSolid { omega: One }, c))),
-        ("correspondence", worst(&case, &everywhere(correspondence(), stiffness::<3>()))),
-    ];
+    let of = |model: Model<3>| worst(&case, &everywhere(&case, model));
+    let found = vec![("bond-based", of(bonds())), ("linear solid", of(linear_solid())), ("correspondence", of(solid()))];
     ask("3D", found);
 }
 
@@ -262,8 +255,8 @@ fn abreast_as_by_lists_in_the_plane() {
 
 #[test]
 fn abreast_as_by_lists_on_a_line() {
-    let case = Case { size: [900], spacing: [0.1], horizon: 0.3015, mirrors: true, weighted: false, sets: 0 };
-    ask("1D", vec![("bond-based", worst(&case, &everywhere(BondBased { law: Elastic, omega: One }, bonds(1))))]);
+    let case = Case { size: [900], spacing: [0.1], horizon: 0.3015, mirrors: true, weighted: true, sets: 0 };
+    ask("1D", vec![("bond-based", worst(&case, &everywhere(&case, bonds())))]);
 }
 
 #[test]
@@ -271,11 +264,7 @@ fn two_materials_in_one_chunk() {
     let case = Case { size: [40, 35], spacing: [1.0, 1.0], horizon: 3.015, mirrors: false, weighted: false, sets: 0 };
     let parts = |b: &Body<2>| -> Vec<Box<dyn Part<2>>> {
         let (front, back): (Vec<u32>, Vec<u32>) = (0..b.points() as u32).partition(|&p| b.position()[p as usize][1] < 17.3);
-        let bonds = BondBasedConstants { young: 7.0, ..bonds(2) };
-        vec![
-            Box::new(Assigned::new("a", correspondence(), Constants::Uniform(stiffness::<2>()), &front, b.chunks())),
-            Box::new(Assigned::new("b", BondBased { law: Elastic, omega: One }, Constants::Uniform(bonds), &back, b.chunks())),
-        ]
+        vec![on(&front, solid(), false, 0, b), on(&back, common::bonds(7.0, section(2)), false, 0, b)]
     };
     ask("two materials", vec![("correspondence and bonds", worst(&case, &parts))]);
 }
@@ -284,12 +273,11 @@ fn two_materials_in_one_chunk() {
 fn threads_do_not_matter() {
     let case = Case { size: [70, 45], spacing: [1.0, 1.0], horizon: 3.015, mirrors: true, weighted: true, sets: 0 };
     let position = points(&case);
-    let c = LinearPeridynamicSolidConstants::new(ELASTIC, section(2));
     let run = |threads: usize| {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
             let mut body = bare(&case, &position);
             assert!(body.chunk_count() > 4);
-            let parts = everywhere(LinearPeridynamicSolid { omega: Stored }, c)(&body);
+            let parts = everywhere(&case, linear_solid())(&body);
             body.assign(parts).unwrap();
             let mut f = vec![0.0; body.dofs()];
             body.internal_force(&motion::<2>(&position, 1.0, 3), None, &mut f);
@@ -305,7 +293,7 @@ fn a_translation_by_a_spacing_meets_nobody() {
     let case = Case { size: [20, 20], spacing: [1.0, 1.0], horizon: 3.015, mirrors: false, weighted: false, sets: 0 };
     let position = points(&case);
     let mut body = bare(&case, &position);
-    let parts = everywhere(BondBased { law: Elastic, omega: One }, bonds(2))(&body);
+    let parts = everywhere(&case, bonds())(&body);
     body.assign(parts).unwrap();
     let u: Vec<f64> = position.iter().flat_map(|_| [-1.0, 2.0]).collect();
     let mut f = vec![1.0; u.len()];
@@ -316,23 +304,23 @@ fn a_translation_by_a_spacing_meets_nobody() {
 #[test]
 fn what_is_not_for_lattices_keeps_lists() {
     let case = Case { size: [30, 20], spacing: [1.0, 1.0], horizon: 3.015, mirrors: false, weighted: false, sets: 0 };
-    let share = |position: &[[f64; 3]], parts: Parts<2>| {
-        let mut body = bare(&case, position);
-        let parts = parts(&body);
+    let share = |case: &Case<2>, position: &[[f64; 3]], model: Model<2>| {
+        let mut body = bare(case, position);
+        let parts = everywhere(case, model)(&body);
         body.assign(parts).unwrap();
         body.share_on_lattices()
     };
     let position = points(&case);
-    let solid = everywhere(correspondence(), stiffness::<2>());
-    assert_eq!(share(&position, &solid), 1.0);
+    assert_eq!(share(&case, &position, solid()), 1.0);
     // points off the lattice by a millionth of the spacing
     let mut random = Random(9);
     let moved: Vec<[f64; 3]> = position.iter().map(|x| [x[0] + 1e-6 * random.next(), x[1], 0.0]).collect();
-    assert_eq!(share(&moved, &solid), 0.0);
+    assert_eq!(share(&case, &moved, solid()), 0.0);
     // a law of the rate
-    let viscous = Correspondence { law: KelvinVoigt, control: zero_energy::Isotropic::Wan2019, omega: One };
-    let constants = KelvinVoigtConstants { stiffness: stiffness::<2>(), retardation_time: 0.1 };
-    assert_eq!(share(&position, &everywhere(viscous, constants)), 0.0);
+    let weighted = Case { weighted: true, ..case };
+    assert_eq!(share(&weighted, &position, solid()), 1.0);
+    let viscous = Law::KelvinVoigt(Constants::Uniform(KelvinVoigtConstants { stiffness: stiffness::<2>(), retardation_time: 0.1 }));
+    assert_eq!(share(&weighted, &position, Model::Correspondence(viscous, CONTROLLED)), 0.0);
 }
 
 #[test]
@@ -340,7 +328,7 @@ fn a_bond_costs_what_it_should() {
     let case = Case { size: [24, 24, 24], spacing: [1.0; 3], horizon: 3.015, mirrors: false, weighted: false, sets: 0 };
     let position = points(&case);
     let mut body = bare(&case, &position);
-    let parts = everywhere(BondBased { law: Elastic, omega: One }, bonds(3))(&body);
+    let parts = everywhere(&case, bonds())(&body);
     body.assign(parts).unwrap();
     let (bytes, _, _) = body.bytes();
     let each = bytes as f64 / body.bonds() as f64;

@@ -1,17 +1,17 @@
 //! Points that approach: the step that follows the stiffness keeps their order and their energy; points that meet are named; what
 //! breaking does to the stiffness of those that are left.
 
+mod common;
+
 use bodies::body::{Body, Geometry};
 use bodies::chunk::Link;
 use bodies::damage::Criterion;
 use bodies::loads::{Condition, Kind};
-use bodies::part::{Assigned, Constants, Part};
 use bodies::structure::{Failure, Parts, Structure};
-use physics::constitutive::LinearElastic;
+use catalog::{Catalog, Compiled, Model};
+use common::{linear, on};
 use physics::elasticity::{Isotropic, Section, Stiffness};
-use physics::influence::One;
-use physics::material::Material;
-use physics::models::{BondStrainCalibration, EmptySubHorizon, ExtendedCorrespondence, SethHill, SubHorizonCorrespondence};
+use physics::models::{BondStrainCalibration, EmptySubHorizon};
 use physics::sub_horizon::Partition;
 use physics::tensor::Vector;
 use solvers::observe::StepReport;
@@ -27,19 +27,17 @@ fn stiffness<const D: usize>() -> Stiffness<D> {
 }
 
 /// Points of unit volume and density with every bond up to a horizon of 3.015.
-fn structure<M: Material<D>, const D: usize>(
-    position: &[[f64; 3]],
-    model: M,
-    constants: M::Constants,
-    conditions: Vec<Condition>,
-    failure: Vec<Failure>,
-) -> Structure<D> {
+fn structure<const D: usize>(position: &[[f64; 3]], model: Model<D>, conditions: Vec<Condition>, failure: Vec<Failure>) -> Structure<D>
+where
+    Catalog: Compiled<D>,
+{
+    let sub_horizons = if matches!(model, Model::SubHorizons(..)) { 1 << D } else { 0 };
     const HORIZON: f64 = 3.015;
     let n = position.len();
     let ones = vec![1.0; n];
     let horizon = vec![HORIZON; n];
     let g = Geometry { position, volume: &ones, horizon: &horizon };
-    let mut body = Body::<D>::new(&g, false, M::SUB_HORIZONS, |p, out: &mut Vec<Link>| {
+    let mut body = Body::<D>::new(&g, D == 1, sub_horizons, |p, out: &mut Vec<Link>| {
         let far = |q: usize| (0..3).map(|k| (position[q][k] - position[p][k]).powi(2)).sum::<f64>().sqrt();
         out.extend((0..n).filter(|&q| q != p && far(q) <= HORIZON).map(|q| Link {
             point: q as u32,
@@ -48,28 +46,24 @@ fn structure<M: Material<D>, const D: usize>(
             weight: 1.0,
             sets: 0,
         }));
-        if M::SUB_HORIZONS > 0 {
+        if sub_horizons > 0 {
             let bonds: Vec<(Vector<f64, D>, f64)> =
                 out.iter().map(|l| (Vector(std::array::from_fn(|k| l.end[k] - position[p][k])), 1.0)).collect();
             out.iter_mut().zip(Partition::Orthants.membership(&bonds, HORIZON)).for_each(|(l, sets)| l.sets = sets);
         }
     });
     let points: Vec<u32> = (0..n as u32).collect();
-    let part: Box<dyn Part<D>> = Box::new(Assigned::new("unit", model, Constants::Uniform(constants), &points, body.chunks()));
+    let part = on(&points, model, false, sub_horizons, &body);
     body.assign(vec![part]).unwrap();
     let parts = Parts { id: (0..n as u64).map(|p| 100 + p).collect(), user: points, material: vec![0; n], density: ones };
     Structure::new(body, parts, conditions, None, failure, 1.0)
 }
 
-fn extended<const D: usize>(position: &[[f64; 3]], exponent: f64, control: f64, conditions: Vec<Condition>) -> Structure<D> {
-    let model = ExtendedCorrespondence {
-        law: LinearElastic,
-        exponent: SethHill::new(exponent).unwrap(),
-        calibration: BondStrainCalibration::MomentTensor,
-        control,
-        omega: One,
-    };
-    structure(position, model, stiffness::<D>(), conditions, vec![])
+fn extended<const D: usize>(position: &[[f64; 3]], exponent: f64, control: f64, conditions: Vec<Condition>) -> Structure<D>
+where
+    Catalog: Compiled<D>,
+{
+    structure(position, common::extended(stiffness::<D>(), exponent, BondStrainCalibration::MomentTensor, control), conditions, vec![])
 }
 
 fn bar(n: usize) -> Vec<[f64; 3]> {
@@ -175,9 +169,9 @@ fn what_breaking_does_to_stored_energy_is_accounted_for() {
     for empty in [EmptySubHorizon::Renormalise, EmptySubHorizon::ZeroEnergy { of: 4 }] {
         let (mut seed, mut raised, mut rounds) = (11u64, 0.0, 0);
         for round in 0..20 {
-            let model = SubHorizonCorrespondence::<_, _, 4> { law: LinearElastic, omega: One, empty };
+            let model = Model::SubHorizons(linear(stiffness::<2>()), empty);
             let failure = vec![Failure { criterion: Criterion::CriticalStretch(vec![0.02; 144]), batch: 1.0 }];
-            let mut s = structure::<_, 2>(&position, model, stiffness::<2>(), vec![], failure);
+            let mut s = structure::<2>(&position, model, vec![], failure);
             let still = vec![0.0; 288];
             let size = 0.03 + 0.003 * f64::from(round);
             // breaks again and again, until next to nothing is left
@@ -209,9 +203,9 @@ fn broken_bonds_are_counted_with_the_displacements_at_which_they_broke() {
     let mut seed = 5u64;
     let [u, other]: [Vec<f64>; 2] = std::array::from_fn(|_| (0..288).map(|_| 0.04 * random(&mut seed)).collect());
     let held = |before: &[f64]| {
-        let model = SubHorizonCorrespondence::<_, _, 4> { law: LinearElastic, omega: One, empty: EmptySubHorizon::Renormalise };
+        let model = Model::SubHorizons(linear(stiffness::<2>()), EmptySubHorizon::Renormalise);
         let failure = vec![Failure { criterion: Criterion::CriticalStretch(vec![0.02; 144]), batch: 1.0 }];
-        let mut s = structure::<_, 2>(&position, model, stiffness::<2>(), vec![], failure);
+        let mut s = structure::<2>(&position, model, vec![], failure);
         s.balance(0.0, before, &still);
         let mut f = still.clone();
         Dynamics::force(&mut s, 0.0, &u, &still, &mut f).unwrap();
@@ -228,10 +222,10 @@ fn a_step_follows_what_breaking_stiffens() {
     // quadrants: the bonds of a quadrant that has lost most of its own carry its whole stress, so that frequencies rise; breaking beyond the
     // stable step would let the energy of what is left grow without bound
     let position: Vec<[f64; 3]> = (0..144).map(|p| [(p % 12) as f64, (p / 12) as f64, 0.0]).collect();
-    let model = || SubHorizonCorrespondence::<_, _, 4> { law: LinearElastic, omega: One, empty: EmptySubHorizon::ZeroEnergy { of: 4 } };
+    let model = || Model::SubHorizons(linear(stiffness::<2>()), EmptySubHorizon::ZeroEnergy { of: 4 });
     let made = |critical: f64| {
         let failure = vec![Failure { criterion: Criterion::CriticalStretch(vec![critical; 144]), batch: 1.0 }];
-        structure::<_, 2>(&position, model(), stiffness::<2>(), vec![], failure)
+        structure::<2>(&position, model(), vec![], failure)
     };
     // a rough displacement: what grows by more than 1 % breaks at once, here and there
     let mut seed = 7u64;

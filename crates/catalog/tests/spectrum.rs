@@ -1,23 +1,22 @@
 //! Bloch symbols measured through whole bodies, against closed forms and an independent implementation's numbers.
 
+mod common;
+
 use bodies::body::{Body, Geometry};
 use bodies::chunk::Link;
 use bodies::neighbors::neighbors;
-use bodies::part::{Assigned, Constants};
 use bodies::points::Lattice;
 use bodies::spectrum::{Search, Symbol, Verdict, patch, search, wave_vector};
-use physics::constitutive::{LinearElastic, SaintVenantKirchhoff};
+use catalog::{Catalog, Compiled, Model};
+use common::{CONTROLLED, UNCONTROLLED, bonds, everywhere, linear, linear_solid, saint_venant};
 use physics::elasticity::{Isotropic, Section, Stiffness};
-use physics::influence::One;
-use physics::material::Material;
-use physics::models::{BondBased, BondBasedConstants, Correspondence, LinearPeridynamicSolid, LinearPeridynamicSolidConstants};
-use physics::stretch_law::Elastic;
-use physics::zero_energy::{self, Control, NoControl, Wan2019};
+use physics::zero_energy::{self, AnyControl};
 use std::f64::consts::PI;
 
 /// E = 1, ν = 1/4.
 const SOLID: Isotropic = Isotropic { young: 1.0, poisson: 0.25 };
 const UNIT: Lattice = Lattice { origin: [0.0; 3], axes: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], spacing: [1.0; 3] };
+const SILLING: AnyControl = AnyControl::Isotropic(zero_energy::Isotropic::Silling2017 { strength: 1.0 });
 const SEARCH: Search = Search { grid: 16, threshold: 1e-9, refine: false };
 
 fn section<const D: usize>() -> Section {
@@ -25,25 +24,21 @@ fn section<const D: usize>() -> Section {
 }
 
 /// The symbol about the uniform stretch `stretch`.
-fn stretched<M: Material<D>, const D: usize>(
-    model: M,
-    constants: M::Constants,
-    lattice: &Lattice,
-    delta: f64,
-    stretch: [f64; D],
-) -> Symbol {
+fn stretched<const D: usize>(model: Model<D>, lattice: &Lattice, delta: f64, stretch: [f64; D]) -> Symbol
+where
+    Catalog: Compiled<D>,
+{
     let (position, centre) = patch(lattice, D, delta);
     let n = position.len();
     let cell: f64 = lattice.spacing[..D].iter().product();
     let (volume, horizon) = (vec![cell; n], vec![delta; n]);
     let found = neighbors(&position, D, &horizon).unwrap();
     let g = Geometry { position: &position, volume: &volume, horizon: &horizon };
-    let mut body = Body::<D>::new(&g, false, 0, |p, out: &mut Vec<Link>| {
+    let mut body = Body::<D>::new(&g, D == 1, 0, |p, out: &mut Vec<Link>| {
         out.extend(found.of(p).iter().map(|&q| Link { point: q, flips: 0, end: position[q as usize], weight: 1.0, sets: 0 }));
     });
-    let points: Vec<u32> = (0..n as u32).collect();
-    let part = Assigned::new("m", model, Constants::Uniform(constants), &points, body.chunks());
-    body.assign(vec![Box::new(part)]).unwrap();
+    let part = everywhere(model, &body);
+    body.assign(vec![part]).unwrap();
     let flat: Vec<f64> = position.iter().flat_map(|x| x[..D].to_vec()).collect();
     let u: Vec<f64> = flat.iter().enumerate().map(|(q, x)| (stretch[q % D] - 1.0) * x).collect();
     let symbol = Symbol::measure(D, &flat, centre, cell, |x, y| {
@@ -59,16 +54,23 @@ fn stretched<M: Material<D>, const D: usize>(
     }
     symbol
 }
-fn symbol<M: Material<D>, const D: usize>(model: M, constants: M::Constants, delta: f64) -> Symbol {
-    stretched(model, constants, &UNIT, delta, [1.0; D])
+fn symbol<const D: usize>(model: Model<D>, delta: f64) -> Symbol
+where
+    Catalog: Compiled<D>,
+{
+    stretched(model, &UNIT, delta, [1.0; D])
 }
-fn correspondence<Z: Control<D> + 'static, const D: usize>(control: Z, delta: f64) -> Symbol {
-    let model = Correspondence { law: LinearElastic, control, omega: One };
-    symbol::<_, D>(model, Stiffness::isotropic(SOLID, 0.0, section::<D>()), delta)
+fn correspondence<const D: usize>(control: AnyControl, delta: f64) -> Symbol
+where
+    Catalog: Compiled<D>,
+{
+    symbol::<D>(common::correspondence(linear(Stiffness::isotropic(SOLID, 0.0, section::<D>())), control), delta)
 }
-fn bond_based<const D: usize>(delta: f64, stretch: [f64; D]) -> Symbol {
-    let c = BondBasedConstants { young: 1.0, section: section::<D>(), continuum: false };
-    stretched::<_, D>(BondBased { law: Elastic, omega: One }, c, &UNIT, delta, stretch)
+fn bond_based<const D: usize>(delta: f64, stretch: [f64; D]) -> Symbol
+where
+    Catalog: Compiled<D>,
+{
+    stretched::<D>(bonds(1.0, section::<D>()), &UNIT, delta, stretch)
 }
 fn family<const D: usize>(delta: f64) -> Vec<[f64; D]> {
     let n = delta as i64;
@@ -88,7 +90,7 @@ fn bars_in_closed_form() {
     for delta in [1.1, 3.1, 10.1] {
         let n = delta as i64;
         let shape: f64 = (1..=n).map(|n| 2.0 * (n * n) as f64).sum();
-        let (plain, wan) = (correspondence::<_, 1>(NoControl, delta), correspondence::<_, 1>(zero_energy::Isotropic::Wan2019, delta));
+        let (plain, wan) = (correspondence::<1>(UNCONTROLLED, delta), correspondence::<1>(CONTROLLED, delta));
         let bonds = bond_based::<1>(delta, [1.0]);
         let length: f64 = (1..=n).map(|n| 2.0 * n as f64).sum();
         for k in [1e-4, 0.3, 1.0, 2.0, 3.0, PI] {
@@ -114,7 +116,7 @@ fn a_fine_bar_is_the_continuum() {
     let delta = points as f64 + 0.1;
     // that many points stand for a continuum of half-width points + 1/2
     let width = points as f64 + 0.5;
-    let plain = correspondence::<_, 1>(NoControl, delta);
+    let plain = correspondence::<1>(UNCONTROLLED, delta);
     for q in [0.5, 2.0, 4.0, 6.0] {
         let factor = 3.0 * (f64::sin(q) - q * f64::cos(q)) / f64::powi(q, 3);
         let got = plain.stiffness([q / width, 0.0, 0.0])[0].ratio();
@@ -128,7 +130,7 @@ fn a_fine_bar_is_the_continuum() {
     assert_eq!(found.verdict(1e-9), Verdict::ZeroEnergy);
     let k = 60.5 * PI / width;
     let short = |s: &Symbol| width * width * s.stiffness([k, 0.0, 0.0])[0].stiffness;
-    let wan = correspondence::<_, 1>(zero_energy::Isotropic::Wan2019, delta);
+    let wan = correspondence::<1>(CONTROLLED, delta);
     println!("δ²λ/E for short waves: {:.4e}, Wan2019 {:.4}", short(&plain), short(&wan));
     assert!(short(&plain) < 1e-3 && (short(&wan) / 6.0 - 1.0).abs() < 0.02, "{} {}", short(&plain), short(&wan));
 }
@@ -138,17 +140,17 @@ fn a_fine_bar_is_the_continuum() {
 fn number_of_zero_energy_modes() {
     fn asked<const D: usize>(delta: f64)
     where
-        Wan2019: Control<D>,
+        Catalog: Compiled<D>,
     {
-        let plain = search(&correspondence::<_, D>(NoControl, delta), &UNIT, &SEARCH);
+        let plain = search(&correspondence::<D>(UNCONTROLLED, delta), &UNIT, &SEARCH);
         println!("{D}D, δ = {delta}: {} zeros, worst {:?}", plain.zero_modes, plain.worst);
         assert_eq!((plain.zero_modes, plain.negative_modes), (D * ((1 << D) - 1), 0), "{D}D");
         assert_eq!(plain.verdict(SEARCH.threshold), Verdict::ZeroEnergy);
         // of all corners the longest wave is told: two spacings
         assert!(plain.worst.ratio.abs() < 1e-15 && (plain.worst.wavelength() - 2.0).abs() < 1e-12, "{:?}", plain.worst);
         for (name, found) in [
-            ("Wan2019", search(&correspondence::<_, D>(Wan2019, delta), &UNIT, &SEARCH)),
-            ("Silling2017", search(&correspondence::<_, D>(zero_energy::Isotropic::Silling2017 { strength: 1.0 }, delta), &UNIT, &SEARCH)),
+            ("Wan2019", search(&correspondence::<D>(AnyControl::Wan2019, delta), &UNIT, &SEARCH)),
+            ("Silling2017", search(&correspondence::<D>(SILLING, delta), &UNIT, &SEARCH)),
             ("bond-based", search(&bond_based::<D>(delta, [1.0; D]), &UNIT, &SEARCH)),
         ] {
             println!("  {name}: smallest {:.4}", found.worst.ratio);
@@ -160,10 +162,10 @@ fn number_of_zero_energy_modes() {
     asked::<2>(3.1);
     asked::<3>(2.1);
     // minima are followed within the zone only: beyond its boundary the same waves are compared with shorter ones
-    let wan = search(&correspondence::<_, 2>(Wan2019, 3.1), &UNIT, &Search { refine: true, ..SEARCH });
+    let wan = search(&correspondence::<2>(AnyControl::Wan2019, 3.1), &UNIT, &Search { refine: true, ..SEARCH });
     assert!(wan.worst.fraction.iter().all(|f| f.abs() <= 1.0) && wan.worst.ratio > 0.02, "{:?}", wan.worst);
     // 12 c² + 4 c − 2 = 0 with c = cos k: Σ n sin kn of three neighbours vanishes twice between 0 and π
-    let found = search(&correspondence::<_, 1>(NoControl, 3.1), &UNIT, &Search { grid: 64, refine: true, ..SEARCH });
+    let found = search(&correspondence::<1>(UNCONTROLLED, 3.1), &UNIT, &Search { grid: 64, refine: true, ..SEARCH });
     assert_eq!((found.zero_modes, found.zero_between), (1, 2));
     let first = ((-4.0 + 112f64.sqrt()) / 24.0).acos();
     assert!((found.worst.k[0] - first).abs() < 1e-6, "{} {first}", found.worst.k[0]);
@@ -175,14 +177,14 @@ fn number_of_zero_energy_modes() {
 fn checkerboard_energies() {
     fn asked<const D: usize>(delta: f64, wan: f64, silling: f64)
     where
-        Wan2019: Control<D>,
+        Catalog: Compiled<D>,
     {
         let energy = |s: Symbol| 0.5 * s.at([PI; 3]).0[0];
-        let plain = energy(correspondence::<_, D>(NoControl, delta)).abs();
+        let plain = energy(correspondence::<D>(UNCONTROLLED, delta)).abs();
         let got = [
-            energy(correspondence::<_, D>(Wan2019, delta)) / wan,
-            energy(correspondence::<_, D>(zero_energy::Isotropic::Wan2019, delta)) / wan,
-            energy(correspondence::<_, D>(zero_energy::Isotropic::Silling2017 { strength: 1.0 }, delta)) / silling,
+            energy(correspondence::<D>(AnyControl::Wan2019, delta)) / wan,
+            energy(correspondence::<D>(CONTROLLED, delta)) / wan,
+            energy(correspondence::<D>(SILLING, delta)) / silling,
         ];
         println!("{D}D, δ = {delta:.4}: conventional {plain:.0e}; over references {got:.6?}");
         assert!(plain < 1e-15 && got.iter().all(|g| (g - 1.0).abs() < 6e-5), "{D}D, δ = {delta}: {plain:.1e} {got:?}");
@@ -233,10 +235,10 @@ fn bond_based_plate_under_uniform_stretch() {
 /// times the square of the discrete gradient's response.
 #[test]
 fn saint_venant_bar_under_stretch() {
-    let plain = correspondence::<_, 1>(NoControl, 3.1);
+    let plain = correspondence::<1>(UNCONTROLLED, 3.1);
     for stretch in [0.8, 1.0, 1.3] {
-        let model = Correspondence { law: SaintVenantKirchhoff, control: NoControl, omega: One };
-        let s = stretched::<_, 1>(model, Stiffness::isotropic(SOLID, 0.0, section::<1>()), &UNIT, 3.1, [stretch]);
+        let model = common::correspondence(saint_venant(Stiffness::isotropic(SOLID, 0.0, section::<1>())), UNCONTROLLED);
+        let s = stretched::<1>(model, &UNIT, 3.1, [stretch]);
         let modulus = 0.5 * (3.0 * stretch * stretch - 1.0);
         assert!((s.acoustic([1.0, 0.0, 0.0])[0] / modulus - 1.0).abs() < 1e-13);
         for k in [0.2, 1.1, 2.9] {
@@ -256,8 +258,7 @@ fn group_velocity_is_the_slope_of_the_dispersion() {
         assert!((b.group_velocity(1.0) - f64::cos(0.5 * k)).abs() < 1e-12, "{k}: {}", b.group_velocity(1.0));
         assert!((b.local_velocity(k, 4.0) - 0.5).abs() < 1e-14);
     }
-    let solid = LinearPeridynamicSolidConstants::new(SOLID, section::<3>());
-    let symbol = symbol::<_, 3>(LinearPeridynamicSolid { omega: One }, solid, 2.1);
+    let symbol = symbol::<3>(linear_solid(SOLID, section::<3>()), 2.1);
     // the first two are directions in which both shear waves are one
     for k in [[0.9, 0.0, 0.0], [0.8, 0.8, 0.8], [1.1, 0.4, -0.7]] {
         let h = 1e-5;
@@ -277,16 +278,14 @@ fn lattices_of_any_spacing_and_direction() {
     let (s, c) = (0.5, 0.75f64.sqrt());
     let straight = Lattice { spacing: [0.5, 0.25, 1.0], ..UNIT };
     let turned = Lattice { axes: [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]], ..straight };
-    let model = Correspondence { law: LinearElastic, control: Wan2019, omega: One };
-    let constants = Stiffness::isotropic(SOLID, 0.0, section::<2>());
-    let [a, b] = [&straight, &turned].map(|l| stretched::<_, 2>(model, constants, l, 1.05, [1.0; 2]));
+    let model = |control| common::correspondence(linear(Stiffness::isotropic(SOLID, 0.0, section::<2>())), control);
+    let [a, b] = [&straight, &turned].map(|l| stretched::<2>(model(AnyControl::Wan2019), l, 1.05, [1.0; 2]));
     for f in [[0.3, 0.2, 0.0], [1.0, 0.5, 0.0], [1.0, 1.0, 0.0]] {
         let (x, y) = (a.branches(wave_vector(&straight, 2, f)), b.branches(wave_vector(&turned, 2, f)));
         for (x, y) in x.iter().zip(&y) {
             assert!((x.stiffness / y.stiffness - 1.0).abs() < 1e-11, "{f:?}: {x:?} {y:?}");
         }
     }
-    let plain = Correspondence { law: LinearElastic, control: NoControl, omega: One };
-    let found = search(&stretched::<_, 2>(plain, constants, &turned, 1.05, [1.0; 2]), &turned, &SEARCH);
+    let found = search(&stretched::<2>(model(UNCONTROLLED), &turned, 1.05, [1.0; 2]), &turned, &SEARCH);
     assert_eq!(found.zero_modes, 6);
 }
