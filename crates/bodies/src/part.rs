@@ -515,15 +515,16 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     }
     fn make_shapes(&mut self, chunks: &[Chunk<D>]) -> Vec<(usize, usize)> {
         type Made<S> = Result<Shared<S>, Vec<usize>>;
-        // shapes as small as an index, or of constants that differ, are not worth a search
-        let share = matches!(self.constants, Constants::Uniform(_)) && size_of::<M::Shape>() > 2 * size_of::<u32>();
+        let (uniform, small) = (matches!(self.constants, Constants::Uniform(_)), size_of::<M::Shape>() <= 2 * size_of::<u32>());
         let made: Vec<OnceLock<Made<M::Shape>>> = chunks.iter().map(|_| OnceLock::new()).collect();
         in_parallel(chunks.len(), &|k| {
             let (first, points) = &self.points[k];
             let c = chunks[k].configuration();
             let mut singular = vec![];
             let mut shapes = Shared::with_capacity(points.len());
-            let mut distinct = share.then(|| Distinct::new(&chunks[k], M::SUB_HORIZONS, M::STORED_INFLUENCE));
+            let distinct = uniform.then(|| Distinct::new(&chunks[k], M::SUB_HORIZONS, M::STORED_INFLUENCE));
+            // shapes as small as an index are not worth a search among bonds
+            let mut distinct = distinct.filter(|known| !small || known.by_cells());
             for &i in points {
                 let same = distinct.as_mut().and_then(|known| known.find(&c, i as usize, shapes.distinct()));
                 if let Some(same) = same {

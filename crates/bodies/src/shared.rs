@@ -130,6 +130,10 @@ impl<const D: usize> Distinct<D> {
         let patterns = chunk.lattice.as_ref().filter(|_| alike).map(|lattice| lattice.patterns(chunk.owned));
         Distinct { sub_horizons, weighted, known: HashMap::new(), tried: (0, 0), patterns, by_pattern: HashMap::new() }
     }
+    /// Whether a look at the cells of a family is enough, which is cheaper than any shape.
+    pub fn by_cells(&self) -> bool {
+        self.patterns.is_some()
+    }
     /// The entry of a family that is the same as that of `point`; where there is none, `point` will be found under `next` later.
     pub fn find(&mut self, c: &Configuration<f64>, point: usize, next: usize) -> Option<usize> {
         if let Some((words, patterns)) = &self.patterns {

@@ -322,6 +322,9 @@ impl<const D: usize> Structure<D> {
             let largest = scratch.iter().fold(0.0, |m: f64, y| m.max(y.abs()));
             self.small_forces = Some(scratch.iter().zip(&*y).all(|(a, b)| (a - b).abs() <= AGREE * largest));
             y.copy_from_slice(&scratch);
+            if self.small_forces == Some(true) {
+                self.body.forget_duals();
+            }
         }
         scratch.resize(y.len(), 0.0);
         self.scratch = scratch;
