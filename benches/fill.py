@@ -31,7 +31,7 @@ def main():
     parser.add_argument("suite", nargs="*", help="further arguments of the suite, after --")
     options = parser.parse_args()
     if not options.only_peers:
-        put("suite", ["cargo", "run", "--release", "-q", "-p", "peridyne-benches", "--bin", "suite", "--", "--csv", "benches/speed.csv", *options.suite])
+        put("suite", ["cargo", "bench", "-q", "-p", "peridyne-benches", "--bench", "suite", "--", "--csv", "speed.csv", *options.suite])
     if options.lammps:
         put("peers", [sys.executable, "benches/peers/peers.py", "--lammps", options.lammps])
 

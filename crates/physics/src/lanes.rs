@@ -276,16 +276,33 @@ where
     /// s = f/(2 + f), R = 2 artanh(s)/s − 2.
     #[inline(always)]
     fn log(self, c: Self) -> Self {
+        let (m, k) = self.parts();
+        (m - Self::of(1.0)).log_of_parts(k, c)
+    }
+    /// (u, k) with this = 2ᵏ u, u within [√½, √2).
+    #[inline(always)]
+    fn parts(self) -> (Self, Self) {
         let (m, k) = I::split(self.0);
         let (m, k) = (Self::new(m), Self::new(k));
         let above = m - Self::of(std::f64::consts::SQRT_2);
-        let f = above.select(m * 0.5, m) - Self::of(1.0);
-        let k = above.select(k + Self::of(1.0), k);
+        (above.select(m * 0.5, m), above.select(k + Self::of(1.0), k))
+    }
+    /// ln 2ᵏ + ln(1 + f) + c
+    #[inline(always)]
+    fn log_of_parts(self, k: Self, c: Self) -> Self {
+        let f = self;
         let s = f * (f + Self::of(2.0)).recip();
         let z = s * s;
         let half = f * f * 0.5;
         let tail = s.fma(half + z * z.polynomial(LOG), k.fma(Self::of(LN_2[1]), c));
         k * LN_2[0] - ((half - tail) - f)
+    }
+    /// ln c with c = 1 + x: near 1 from x, elsewhere from c.
+    #[inline(always)]
+    fn log_grown(self, c: Self) -> Self {
+        let (m, k) = c.parts();
+        let f = (Self::of(0.5) - k * k).select(self, m - Self::of(1.0));
+        f.log_of_parts(k, Self::of(0.0))
     }
     /// ln(1 + x)
     #[inline(always)]
@@ -365,6 +382,13 @@ macro_rules! eight_lanes {
             Self::new(I::long(
                 #[inline(always)]
                 || self.log_1p().0,
+            ))
+        }
+        #[inline(always)]
+        fn ln_grown(self, c: Self) -> Self {
+            Self::new(I::long(
+                #[inline(always)]
+                || self.log_grown(c).0,
             ))
         }
         #[inline(always)]
@@ -635,6 +659,10 @@ impl<A: Abreast> Scalar for Pair<A> {
     #[inline(always)]
     fn map(self, f: impl Fn(f64) -> (f64, f64)) -> Self {
         Pair(self.0.map(&f), self.1.map(&f))
+    }
+    #[inline(always)]
+    fn ln_grown(self, c: Self) -> Self {
+        Pair(self.0.ln_grown(c.0), self.1.ln_grown(c.1))
     }
     #[inline(always)]
     fn powf(self, p: f64) -> Self {

@@ -169,7 +169,7 @@ impl SethHill {
             Kind::Two => x * (x + S::of(2.0)) * 0.25,
             Kind::One => x * 0.5,
             Kind::Half => stretch(x, c),
-            Kind::Zero => stretch(x, c).ln_1p(),
+            Kind::Zero => x.ln_grown(c) * 0.5,
             // 1 − 1/√c = x/(c + √c)
             Kind::MinusHalf => x * (c + c.sqrt()).recip(),
             Kind::MinusOne => x * c.recip() * 0.5,
@@ -177,7 +177,7 @@ impl SethHill {
                 let r = c.recip();
                 x * (x + S::of(2.0)) * 0.25 * (r * r)
             }
-            Kind::Real => (stretch(x, c).ln_1p() * (2.0 * self.m)).exp_m1() * (0.5 / self.m),
+            Kind::Real => (x.ln_grown(c) * self.m).exp_m1() * (0.5 / self.m),
         }
     }
     /// c^(m − 1) = 2 dε/dc
@@ -197,7 +197,7 @@ impl SethHill {
                 let r = c.recip();
                 r * r * r
             }
-            Kind::Real => (stretch(x, c).ln_1p() * (2.0 * self.m - 2.0)).exp(),
+            Kind::Real => (x.ln_grown(c) * (self.m - 1.0)).exp(),
         }
     }
 }
