@@ -97,7 +97,7 @@ pub trait Scalar:
     fn ln_1p(self) -> Self {
         self.map(|x| (x.ln_1p(), 1.0 / (1.0 + x)))
     }
-    /// ln c of a c = 1 + x that is known too: with all digits of a small x, and of a small c.
+    /// ln c of a c = 1 + x ≥ 0 that is known too: with all digits of a small x, and of a small c.
     #[inline(always)]
     fn ln_grown(self, c: Self) -> Self {
         if c.value() < 0.5 { c.ln() } else { self.ln_1p() }
