@@ -240,14 +240,6 @@ impl Families {
         Ok(neighbors_with_mirrors(position, dimension, spacing, horizon, mirrors)?.into())
     }
 
-    /// Number of points that have a family.
-    pub fn points(&self) -> usize {
-        match &self.kept {
-            Kept::Lists(lists) => lists.points(),
-            Kept::OnLattice(_, size) => size.len(),
-        }
-    }
-
     /// Number of points in the family of point `i`.
     pub fn size(&self, i: usize) -> usize {
         match &self.kept {
@@ -551,6 +543,31 @@ mod tests {
             found.offsets.push(found.index.len());
         }
         found
+    }
+
+    #[test]
+    fn families_on_demand_are_those_of_all_pairs() {
+        // a lattice with a hole, in an order that follows no row; one of other horizons; a cloud
+        let whole = lattice([9, 8, 7], 3, 1.0);
+        let mut holed: Vec<[f64; 3]> = whole.into_iter().filter(|x| (x[0] - 4.5).powi(2) + (x[1] - 4.0).powi(2) > 2.0).collect();
+        holed.sort_by_key(|x| (x[0] * 7919.0 + x[1] * 104_729.0 + x[2] * 1_299_709.0) as u64 % 1009);
+        let n = holed.len();
+        let uneven: Vec<f64> = (0..n).map(|p| if p % 2 == 0 { 2.015 } else { 1.5 }).collect();
+        let cases = [(holed.clone(), vec![2.015; n], true), (holed, uneven, false), (random(300, 3, 5), vec![0.2; 300], false)];
+        for (position, horizon, on_lattice) in cases {
+            let n = position.len();
+            let want = all_pairs(&position, &horizon);
+            let found = Families::find(&position, 3, &vec![1.0; n], &horizon, &[]).unwrap();
+            assert_eq!(matches!(found.kept, Kept::OnLattice(..)), on_lattice);
+            for i in 0..n {
+                let mut links = vec![];
+                found.add_links(&position, i, &mut links);
+                assert_eq!(links.iter().map(|l| l.point).collect::<Vec<_>>(), want.of(i));
+                assert!(links.iter().all(|l| l.end == position[l.point as usize] && l.flips == 0 && l.weight == 1.0));
+                assert_eq!(found.size(i), links.len());
+            }
+            assert_eq!(found.into_lists(), want);
+        }
     }
 
     #[test]
