@@ -30,7 +30,7 @@ impl<const D: usize> Chunk<D> {
 
     /// Whether a bond of owned point `i` ends at the image of a point.
     pub(crate) fn meets_images(&self, i: usize) -> bool {
-        self.slots(i).any(|s| self.flips[self.neighbor[s] as usize] != 0)
+        self.slots(i).any(|s| self.flips[self.far(i, s)] != 0)
     }
 
     /// ξ in steps of a millionth of the horizon. Points of lattices lie away from the edges of the steps, whatever the rounding.
@@ -44,17 +44,11 @@ impl<const D: usize> Chunk<D> {
         each(self.volume(i));
         each(self.horizon[i]);
         each(self.temperature.get(i).copied().unwrap_or(0.0));
-        let planes = self.membership.len() / self.intact.len().max(1);
         for &s in slots {
             let s = s as usize;
-            each(self.volume(self.neighbor[s] as usize));
-            if !self.weight.is_empty() {
-                each(self.weight[s]);
-            }
-            if planes > 0 {
-                let bit = |k: usize| u32::from(physics::scalar::is_intact(&self.membership[k * self.intact.len()..], s)) << k;
-                each(f64::from((0..planes).map(bit).sum::<u32>()));
-            }
+            each(self.volume(self.far(i, s)));
+            self.influence(i, s).into_iter().for_each(&mut each);
+            self.sets(i, s).into_iter().for_each(|sets| each(f64::from(sets)));
         }
     }
 }

@@ -7,6 +7,7 @@
 use crate::chunk::{Chunk, Link, MOST_LOCAL, Rows};
 use crate::lattice::LatticePoints;
 use crate::part::{Part, SEEDS};
+use crate::scratch::{Scratch, Spaces};
 use physics::scalar::{Dual, Jet, ROW, SPARE_WORD, Scalar};
 use physics::tensor::Matrix;
 use rayon::prelude::*;
@@ -23,17 +24,16 @@ const CHUNKS: usize = 16;
 struct Inflow {
     /// Chunk whose halo holds them.
     source: u32,
-    /// Local index there, owned local index here, reflected components.
+    /// Place in the halo there, owned local index here, reflected components.
     pairs: Vec<(u16, u16, u8)>,
 }
 
 impl Inflow {
     /// Adds the forces on the halo to those of its points.
-    #[inline(always)]
-    fn add<const D: usize>(&self, out: &mut [f64], force: impl Fn(usize, usize) -> f64) {
-        for &(l, i, flip) in &self.pairs {
+    fn add<const D: usize>(&self, out: &mut [f64], halo_force: &[f64]) {
+        for &(h, i, flip) in &self.pairs {
             for k in 0..D {
-                let f = force(l as usize, k);
+                let f = halo_force[h as usize * D + k];
                 out[i as usize * D + k] += if flip >> k & 1 == 1 { -f } else { f };
             }
         }
@@ -83,6 +83,7 @@ pub struct Body<const D: usize> {
     volume: Vec<f64>,
     /// Directed bonds of the reference body.
     bonds: usize,
+    pub(crate) spaces: Spaces,
 }
 
 impl<const D: usize> Body<D> {
@@ -122,7 +123,7 @@ impl<const D: usize> Body<D> {
                     inflow[target].push(Inflow { source: s as u32, pairs: vec![] });
                 }
                 let place = (p - target * chunk_points) as u16;
-                inflow[target].last_mut().expect("just pushed").pairs.push((l as u16, place, c.flips[l]));
+                inflow[target].last_mut().expect("just pushed").pairs.push(((l - c.owned) as u16, place, c.flips[l]));
             }
         }
         let mut chunks = chunks;
@@ -131,7 +132,8 @@ impl<const D: usize> Body<D> {
             g.horizon.iter().all(|h| *h == g.horizon[0]) && chunks.iter().all(|c| c.lattice.is_some() && c.flips.iter().all(|f| *f == 0));
         chunks.iter_mut().filter_map(|c| c.lattice.as_mut()).for_each(|l| l.once = once);
         let bonds = chunks.iter().map(|c| c.count.iter().map(|&n| n as usize).sum::<usize>()).sum();
-        Body { points, chunk_points, chunks, inflow, parts: vec![], position: g.position.to_vec(), volume: g.volume.to_vec(), bonds }
+        let (position, volume) = (g.position.to_vec(), g.volume.to_vec());
+        Body { points, chunk_points, chunks, inflow, parts: vec![], position, volume, bonds, spaces: Spaces::default() }
     }
 
     /// Number of points.
@@ -192,7 +194,7 @@ impl<const D: usize> Body<D> {
         for c in &mut self.chunks {
             c.memory_words = point_words;
             c.memory = vec![0.0; point_words * c.owned];
-            c.bond_memory = vec![0.0; bond_words * c.neighbor.len()];
+            c.bond_memory = vec![0.0; bond_words * c.slot_count()];
             c.velocity = Rows::zeros(if velocity { c.points.len() * ROW } else { 0 });
         }
         let mut singular = vec![];
@@ -212,7 +214,7 @@ impl<const D: usize> Body<D> {
             && part.gathers()
         {
             let words = self.per_point(0.0, |k, c, out| {
-                (0..c.owned).for_each(|i| out[i] = part.state_word(k, i, &c.configuration()));
+                c.with_lists(|view| (0..c.owned).for_each(|i| out[i] = part.state_word(k, i, view)));
             });
             for c in &mut self.chunks {
                 if let Some(lattice) = &mut c.lattice {
@@ -223,6 +225,12 @@ impl<const D: usize> Body<D> {
                     c.displacement[l * ROW + SPARE_WORD] = words[p as usize];
                 }
             }
+        }
+        // what looks at bonds in every step keeps its lists
+        if self.collapses() || (point_words, bond_words) != (0, 0) {
+            self.chunks.par_iter_mut().for_each(|c| {
+                c.make_lists();
+            });
         }
         Ok(())
     }
@@ -254,9 +262,12 @@ impl<const D: usize> Body<D> {
         });
     }
 
-    /// Hands displacements (and velocities, where a material looks at them) to the chunks.
+    /// Hands displacements (and velocities, where a material looks at them) to the chunks, for what looks at single families after it.
     pub fn forward(&mut self, u: &[f64], v: Option<&[f64]>) {
-        self.chunks.par_iter_mut().for_each(|c| c.forward(u, v));
+        self.chunks.par_iter_mut().for_each(|c| {
+            c.make_lists();
+            c.forward(u, v);
+        });
     }
 
     /// Internal forces \[N\] at displacements `u` (and velocities `v`), overwriting `force`.
@@ -267,79 +278,78 @@ impl<const D: usize> Body<D> {
     /// The same, where bonds are to be looked at that come near their critical stretch (per point), for
     /// [`exceeding_at_force`](Self::exceeding_at_force).
     pub fn internal_force_watching(&mut self, u: &[f64], v: Option<&[f64]>, critical: Option<&[f64]>, force: &mut [f64]) {
-        let parts = &self.parts;
-        self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
-            let on_lattice = on_lattice(parts, k, c);
-            c.hand_out(on_lattice, u, v);
-            if on_lattice && let Some(mut lattice) = c.lattice.take() {
-                let (mut planes, mut stretched) = (std::mem::take(&mut lattice.force), std::mem::take(&mut lattice.stretched));
-                lattice.clear_force(&mut planes);
-                stretched.clear();
-                let watch = critical.map(|critical| LatticePoints::<D>::growth_limit(c.least(critical)));
+        self.forces(force, |parts, k, c, scratch, out| {
+            c.stretched.clear();
+            if !on_lattice(parts, k, c) {
+                c.make_lists();
+                c.forward(u, v);
+                let rows = scratch.force.at_least(c.points.len() * ROW);
+                rows.fill(0.0);
+                let view = c.configuration();
                 for part in parts {
-                    part.add_force_on_lattice(k, &c.configuration(), &lattice, watch, &mut planes, &mut stretched);
+                    part.add_force(k, &view, rows);
                 }
-                (lattice.force, lattice.stretched) = (planes, stretched);
-                c.lattice = Some(lattice);
+                for (f, row) in out.chunks_exact_mut(D).zip(rows.chunks_exact(ROW)) {
+                    f.copy_from_slice(&row[..D]);
+                }
+                c.keep_halo_force(|l, k| rows[l * ROW + k]);
                 return;
             }
-            let mut rows = std::mem::take(&mut c.force);
-            if rows.is_empty() {
-                // a lattice that families are not taken from any more
-                rows = Rows::zeros(c.points.len() * ROW);
-            }
-            rows.fill(0.0);
-            let view = c.configuration();
+            let Some(lattice) = c.lattice.take() else { return };
+            lattice.fill(&c.points, &c.flips, u, scratch.displacement.at_least(lattice.words()));
+            lattice.clear_force(scratch.force.at_least(lattice.words()));
+            scratch.stretched.clear();
+            let watch = critical.map(|critical| LatticePoints::<D>::growth_limit(c.least(critical)));
             for part in parts {
-                part.add_force(k, &view, &mut rows);
+                part.add_force_on_lattice(k, &c.configuration(), &lattice, watch, scratch);
             }
-            c.force = rows;
+            lattice.own_force(c.owned, &scratch.force, out);
+            c.keep_halo_force(|l, k| lattice.force_on(&scratch.force, l, k));
+            c.lattice = Some(lattice);
+            c.note_stretched(&scratch.displacement, &scratch.stretched);
+        });
+    }
+
+    /// Sums what the chunks compute for their own points and, in the order of the chunks, for each other's: `f` computes the force on the
+    /// chunk's own points, and keeps that on its halo.
+    fn forces(&mut self, force: &mut [f64], f: impl Fn(&[Box<dyn Part<D>>], usize, &mut Chunk<D>, &mut Scratch, &mut [f64]) + Sync) {
+        self.spaces.ready();
+        let (parts, spaces, words) = (&self.parts, &self.spaces, self.chunk_points * D);
+        force.par_chunks_mut(words).zip(&mut self.chunks).enumerate().for_each(|(k, (out, c))| {
+            f(parts, k, c, &mut spaces.own(), out);
         });
         let chunks = &self.chunks;
-        let planes = |k: usize| chunks[k].lattice.as_ref().filter(|_| on_lattice(parts, k, &chunks[k]));
-        force.par_chunks_mut(self.chunk_points * D).zip(chunks).zip(&self.inflow).enumerate().for_each(|(k, ((out, chunk), inflow))| {
-            match planes(k) {
-                Some(lattice) => lattice.own_force(chunk.owned, out),
-                None => {
-                    for (f, row) in out.chunks_exact_mut(D).zip(chunk.force.chunks_exact(ROW)) {
-                        f.copy_from_slice(&row[..D]);
-                    }
-                }
-            }
+        force.par_chunks_mut(words).zip(&self.inflow).for_each(|(out, inflow)| {
             for flow in inflow {
-                let source = flow.source as usize;
-                match planes(source) {
-                    Some(lattice) => flow.add::<D>(out, |l, k| lattice.force_on(l, k)),
-                    None => flow.add::<D>(out, |l, k| chunks[source].force[l * ROW + k]),
-                }
+                flow.add::<D>(out, &chunks[flow.source as usize].halo_force);
             }
         });
     }
 
     /// `K x` with `K = −∂f/∂u` of the internal forces, exact.
     pub fn tangent_product(&mut self, u: &[f64], v: Option<&[f64]>, x: &[f64], out: &mut [f64]) {
-        self.forward(u, v);
-        let parts = &self.parts;
-        self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
-            let (mut rows, mut duals) = (std::mem::take(&mut c.dual_force), std::mem::take(&mut c.dual_displacement));
-            rows.clear();
-            rows.resize(c.points.len() * ROW, Dual::of(0.0));
-            duals.resize(c.points.len() * ROW, Dual::of(0.0));
-            Chunk::<D>::fill_rows(&c.points, &c.flips, &mut duals, |q| Dual { value: u[q], slope: [x[q]] });
-            let view = c.view(&duals);
-            for part in parts {
-                part.add_force_dual(k, &view, &mut rows);
+        self.forces(out, |parts, k, c, scratch, out| {
+            let product = |c: &Chunk<D>, Scratch { dual_displacement: duals, dual_force: rows, .. }: &mut Scratch| {
+                rows.clear();
+                rows.resize(c.points.len() * ROW, Dual::of(0.0));
+                duals.resize(c.points.len() * ROW, Dual::of(0.0));
+                Chunk::<D>::fill_rows(&c.points, &c.flips, duals, |q| Dual { value: u[q], slope: [x[q]] });
+                let view = c.view(duals);
+                for part in parts {
+                    part.add_force_dual(k, &view, rows);
+                }
+            };
+            c.listed(u, v, |c| product(c, scratch));
+            for (f, row) in out.chunks_exact_mut(D).zip(scratch.dual_force.chunks_exact(ROW)) {
+                (0..D).for_each(|k| f[k] = -row[k].slope[0]);
             }
-            (c.dual_force, c.dual_displacement) = (rows, duals);
+            c.keep_halo_force(|l, k| -scratch.dual_force[l * ROW + k].slope[0]);
         });
-        self.gather(out, |c, q| -c.dual_force[q].slope[0]);
     }
 
-    /// Gives back the memory of [`tangent_product`](Self::tangent_product), which takes it anew: as much as a fifth of a body.
+    /// Gives back the memory of [`tangent_product`](Self::tangent_product), which takes it anew.
     pub(crate) fn forget_duals(&mut self) {
-        for c in &mut self.chunks {
-            (c.dual_force, c.dual_displacement) = (vec![], vec![]);
-        }
+        self.spaces.forget_duals();
     }
 
     /// `K x` of the undeformed body by the vector kernel of the forces: they are linear in displacements so small that their squares are below
@@ -365,33 +375,31 @@ impl<const D: usize> Body<D> {
         true
     }
 
-    /// Sums what the chunks computed for their own points and, in the order of the chunks, for each other's.
-    fn gather(&self, out: &mut [f64], row: impl Fn(&Chunk<D>, usize) -> f64 + Sync) {
-        out.par_chunks_mut(self.chunk_points * D).zip(&self.chunks).zip(&self.inflow).for_each(|((out, chunk), inflow)| {
-            for i in 0..chunk.owned {
-                for k in 0..D {
-                    out[i * D + k] = row(chunk, i * ROW + k);
-                }
-            }
-            for flow in inflow {
-                let source = &self.chunks[flow.source as usize];
-                flow.add::<D>(out, |l, k| row(source, l * ROW + k));
-            }
-        });
-    }
-
-    /// Fills one entry per point from a computation per chunk (at the last displacements handed out).
+    /// Fills one entry per point from a computation per chunk.
     fn per_point<T: Send + Sync + Clone>(&self, nothing: T, f: impl Fn(usize, &Chunk<D>, &mut [T]) + Sync) -> Vec<T> {
         let mut out = vec![nothing; self.points];
         out.par_chunks_mut(self.chunk_points).zip(&self.chunks).enumerate().for_each(|(k, (out, c))| f(k, c, out));
         out
     }
 
+    /// The same from lists, at displacements `u` and velocities `v`.
+    fn per_point_at<T: Send + Sync + Clone>(
+        &mut self,
+        u: &[f64],
+        v: Option<&[f64]>,
+        nothing: T,
+        f: impl Fn(&[Box<dyn Part<D>>], usize, &Chunk<D>, &mut [T]) + Sync,
+    ) -> Vec<T> {
+        let (mut out, parts) = (vec![nothing; self.points], &self.parts);
+        let chunks = self.chunks.par_iter_mut().enumerate();
+        out.par_chunks_mut(self.chunk_points).zip(chunks).for_each(|(out, (k, c))| c.listed(u, v, |c| f(parts, k, c, out)));
+        out
+    }
+
     /// Energy density per point at displacements `u`, sorted order.
     pub fn energy_density(&mut self, u: &[f64]) -> Vec<f64> {
-        self.forward(u, None);
-        self.per_point(0.0, |k, c, out| {
-            for part in &self.parts {
+        self.per_point_at(u, None, 0.0, |parts, k, c, out| {
+            for part in parts {
                 part.energy_density(k, &c.configuration(), out);
             }
         })
@@ -408,10 +416,9 @@ impl<const D: usize> Body<D> {
     /// For correspondence this is the law's stress; for the other models it is the collapsed stress of Silling & Lehoucq,
     /// J. Elasticity 93 (2008) 13–37.
     pub fn stress(&mut self, u: &[f64], v: Option<&[f64]>) -> (Vec<Matrix<f64, D>>, Vec<f64>) {
-        self.forward(u, v);
-        let both = self.per_point((Matrix::zero(), 0.0), |k, c, out| {
+        let both = self.per_point_at(u, v, (Matrix::zero(), 0.0), |parts, k, c, out| {
             let (mut p, mut across) = (vec![Matrix::zero(); c.owned], vec![0.0; c.owned]);
-            for part in &self.parts {
+            for part in parts {
                 part.stress(k, &c.configuration(), &mut p, &mut across);
             }
             for (o, x) in out.iter_mut().zip(p.into_iter().zip(across)) {
@@ -424,9 +431,8 @@ impl<const D: usize> Body<D> {
     /// Nonlocal deformation gradient minus 1 per point, as its material sees it: of the intact family with the influence of the material;
     /// of corrected correspondence with its weights, of sub-horizons the mean over them. Zero where the family is flat.
     pub fn displacement_gradient(&mut self, u: &[f64]) -> Vec<Matrix<f64, D>> {
-        self.forward(u, None);
-        self.per_point(Matrix::zero(), |k, c, out| {
-            for part in &self.parts {
+        self.per_point_at(u, None, Matrix::zero(), |parts, k, c, out| {
+            for part in parts {
                 part.displacement_gradient(k, &c.configuration(), out);
             }
         })
@@ -434,9 +440,8 @@ impl<const D: usize> Body<D> {
 
     /// Nonlocal strain of extended correspondence per point, NaN where the material is another.
     pub fn extended_strain(&mut self, u: &[f64]) -> Vec<Matrix<f64, D>> {
-        self.forward(u, None);
-        self.per_point(Matrix::scaled_identity(f64::NAN), |k, c, out| {
-            for part in &self.parts {
+        self.per_point_at(u, None, Matrix::scaled_identity(f64::NAN), |parts, k, c, out| {
+            for part in parts {
                 part.extended_strain(k, &c.configuration(), out);
             }
         })
@@ -454,8 +459,7 @@ impl<const D: usize> Body<D> {
 
     /// Smallest |Y|/|ξ| of the intact bonds per point; 1 where none is left.
     pub fn min_bond_ratio(&mut self, u: &[f64]) -> Vec<f64> {
-        self.forward(u, None);
-        self.per_point(1.0, |_, c, out| {
+        self.per_point_at(u, None, 1.0, |_, _, c, out| {
             let view = c.configuration();
             for i in 0..c.owned {
                 let mut least = f64::INFINITY;
@@ -471,10 +475,9 @@ impl<const D: usize> Body<D> {
 
     /// How the intact bonds approach collapse at `(u, v)`: of the materials whose bonds stiffen then, or of all; ties in sorted order.
     pub fn approach(&mut self, u: &[f64], v: &[f64], all: bool) -> Approach {
-        self.forward(u, None);
         let none = Approach { ratio: f64::INFINITY, pair: (0, 0), time: f64::INFINITY, gap: f64::INFINITY };
         let parts = &self.parts;
-        let each = self.chunks.par_iter().enumerate().map(|(k, c)| {
+        let approach = |k: usize, c: &Chunk<D>| {
             let mut a = none;
             let view = c.configuration();
             for part in parts.iter().filter(|p| all || p.collapse()) {
@@ -504,8 +507,8 @@ impl<const D: usize> Body<D> {
                 }
             }
             a
-        });
-        let each: Vec<Approach> = each.collect();
+        };
+        let each: Vec<Approach> = self.chunks.par_iter_mut().enumerate().map(|(k, c)| c.listed(u, None, |c| approach(k, c))).collect();
         each.into_iter().fold(none, |a, b| {
             let closest = if b.ratio < a.ratio || b.ratio.is_nan() { b } else { a };
             Approach { time: a.time.min(b.time), gap: a.gap.min(b.gap), ..closest }
@@ -519,7 +522,7 @@ impl<const D: usize> Body<D> {
             for i in (0..c.owned).filter(|&i| c.intact_bonds(i) < c.count[i] as usize) {
                 let (mut all, mut broken) = (0.0, 0.0);
                 for s in c.slots(i) {
-                    let v = c.volume(c.neighbor[s] as usize);
+                    let v = c.volume(c.far(i, s));
                     all += v;
                     if !c.is_intact(s) {
                         broken += v;
@@ -545,13 +548,14 @@ impl<const D: usize> Body<D> {
     pub fn reference_family(&self, point: usize) -> Vec<([f64; 3], f64)> {
         let c = &self.chunks[point / self.chunk_points];
         let i = point - c.first;
-        c.slots(i).map(|s| (c.xi(i, s), c.volume(c.neighbor[s] as usize))).collect()
+        c.slots(i).map(|s| (c.xi(i, s), c.volume(c.far(i, s)))).collect()
     }
 
     /// Stored influence of the reference family of a point; ones where none is stored.
     pub fn reference_weights(&self, point: usize) -> Vec<f64> {
         let c = &self.chunks[point / self.chunk_points];
-        c.slots(point - c.first).map(|s| if c.weight.is_empty() { 1.0 } else { c.weight[s] }).collect()
+        let i = point - c.first;
+        c.slots(i).map(|s| c.influence(i, s).unwrap_or(1.0)).collect()
     }
 
     /// Commits the history of the increment that ends at the displacements `u`.
@@ -579,7 +583,7 @@ impl<const D: usize> Body<D> {
             .chunks
             .par_iter()
             .map(|c| {
-                let (mut lengths, mut all) = (Vec::with_capacity(c.owned), Vec::with_capacity(c.neighbor.len() + c.owned));
+                let (mut lengths, mut all) = (Vec::with_capacity(c.owned), Vec::with_capacity(c.slot_count() + c.owned));
                 let mut scratch = MemberScratch::default();
                 for i in 0..c.owned {
                     c.members(i, &mut scratch);
@@ -737,7 +741,7 @@ impl<const D: usize> Chunk<D> {
         place.clear();
         let own = self.points[i];
         members.push(own);
-        let end = |s: &u32| self.points[self.neighbor[*s as usize] as usize];
+        let end = |s: &u32| self.points[self.far(i, *s as usize)];
         if !self.meets_images(i) {
             members.extend(slots.iter().map(end));
             place.extend(1..=slots.len() as u32);
@@ -760,7 +764,7 @@ impl<const D: usize> Chunk<D> {
         let first = self.slots(i).start;
         let mut to = vec![(0usize, 0u8); list.slots.len()];
         for (&s, &place) in list.slots.iter().zip(&list.place) {
-            to[s as usize - first] = (place as usize * D, self.flips[self.neighbor[s as usize] as usize]);
+            to[s as usize - first] = (place as usize * D, self.flips[self.far(i, s as usize)]);
         }
         let intact: Vec<(usize, u8)> = self.slots(i).filter(|&s| self.is_intact(s)).map(|s| to[s - first]).collect();
         let m = intact.len() * D;

@@ -2,7 +2,7 @@
 
 use crate::lattice::LatticePoints;
 use physics::family::{Configuration, Lattice};
-use physics::scalar::{Dual, ROW, SPARE_WORD, Scalar, VOLUME_WORD};
+use physics::scalar::{ROW, SPARE_WORD, Scalar, VOLUME_WORD};
 
 /// A bond of a family as the builder hands it over.
 #[derive(Clone, Copy, Debug)]
@@ -36,6 +36,13 @@ impl Rows {
         let offset = data.as_ptr().align_offset(Self::LINE);
         Rows { data, offset, length }
     }
+    /// The first `length` numbers, whatever they are.
+    pub(crate) fn at_least(&mut self, length: usize) -> &mut [f64] {
+        if self.length < length {
+            *self = Self::zeros(length);
+        }
+        &mut self[..length]
+    }
     fn of(values: &[f64]) -> Self {
         let mut rows = Self::zeros(values.len());
         rows.copy_from_slice(values);
@@ -60,6 +67,9 @@ impl std::ops::DerefMut for Rows {
 pub(crate) const MOST_LOCAL: usize = 1 << 16;
 
 /// The arrays of one chunk. Local points: the `owned` ones first, then the halo (other points, and mirror images).
+///
+/// On a lattice the arrays with an entry for each bond, and the rows of displacements, are made when something asks for them: see
+/// [`make_lists`](Self::make_lists).
 pub struct Chunk<const D: usize> {
     /// First point (in sorted order) that the chunk owns.
     pub(crate) first: usize,
@@ -71,6 +81,9 @@ pub struct Chunk<const D: usize> {
     pub(crate) flips: Vec<u8>,
     pub(crate) coordinates: Rows,
     pub(crate) horizon: Vec<f64>,
+    /// Whether bonds have an influence of their own, and how many sub-horizons they are divided among.
+    weighted: bool,
+    pub(crate) sub_horizons: usize,
     pub(crate) start: Vec<u32>,
     /// Bonds of each owned point, broken ones included, padding not.
     pub(crate) count: Vec<u32>,
@@ -84,10 +97,10 @@ pub struct Chunk<const D: usize> {
     pub(crate) temperature: Vec<f64>,
     pub(crate) displacement: Rows,
     pub(crate) velocity: Rows,
-    pub(crate) force: Rows,
-    /// Displacement and force with one derivative each, made at the first tangent product.
-    pub(crate) dual_displacement: Vec<Dual>,
-    pub(crate) dual_force: Vec<Dual>,
+    /// The force on the halo at the last evaluation, `D` words a point: it belongs to other chunks' points.
+    pub(crate) halo_force: Vec<f64>,
+    /// Bonds stretched beyond a limit at the displacements of the last force evaluation, as owned point, slot and stretch: on lattices.
+    pub(crate) stretched: Vec<(usize, usize, f64)>,
     pub(crate) memory: Vec<f64>,
     pub(crate) memory_words: usize,
     pub(crate) bond_memory: Vec<f64>,
@@ -117,6 +130,8 @@ impl<const D: usize> Chunk<D> {
             flips: vec![0; owned],
             coordinates: Rows::default(),
             horizon: vec![],
+            weighted,
+            sub_horizons,
             start: vec![0],
             count: vec![],
             neighbor: vec![],
@@ -127,9 +142,8 @@ impl<const D: usize> Chunk<D> {
             temperature: vec![],
             displacement: Rows::default(),
             velocity: Rows::default(),
-            force: Rows::default(),
-            dual_displacement: vec![],
-            dual_force: vec![],
+            halo_force: vec![],
+            stretched: vec![],
             memory: vec![],
             memory_words: 0,
             bond_memory: vec![],
@@ -215,11 +229,13 @@ impl<const D: usize> Chunk<D> {
         if c.lattice.is_none() {
             c.store_lengths();
             c.make_rows();
+        } else {
+            c.drop_lists();
         }
         Some(c)
     }
 
-    /// Rows for displacements and forces: where families are taken from a lattice not before something else asks for them.
+    /// Rows for displacements: where families are taken from a lattice not before something else asks for them.
     fn make_rows(&mut self) {
         let words = self.points.len() * ROW;
         if self.displacement.len() < words {
@@ -230,9 +246,56 @@ impl<const D: usize> Chunk<D> {
                 }
             }
         }
-        if self.lattice.is_none() && self.force.len() < words {
-            self.force = Rows::zeros(words);
+    }
+
+    /// Number of bond slots.
+    pub(crate) fn slot_count(&self) -> usize {
+        self.start.last().map_or(0, |s| *s as usize)
+    }
+
+    fn has_lists(&self) -> bool {
+        self.neighbor.len() == self.slot_count()
+    }
+
+    /// Makes the arrays with an entry for each bond where a lattice has stood for them; whether it had.
+    pub(crate) fn make_lists(&mut self) -> bool {
+        if self.has_lists() {
+            return false;
         }
+        if let Some(lattice) = &self.lattice {
+            (self.neighbor, self.weight, self.membership) = lattice.lists(&self.start, self.weighted, self.sub_horizons);
+        }
+        true
+    }
+
+    /// Computes with lists that nobody keeps.
+    pub(crate) fn with_lists<T>(&self, f: impl FnOnce(&Configuration<'_, f64>) -> T) -> T {
+        match &self.lattice {
+            Some(lattice) if !self.has_lists() => {
+                let (neighbor, weight, membership) = lattice.lists(&self.start, self.weighted, self.sub_horizons);
+                f(&Configuration { neighbor: &neighbor, weight: &weight, membership: &membership, ..self.configuration() })
+            }
+            _ => f(&self.configuration()),
+        }
+    }
+
+    /// Gives back what [`make_lists`](Self::make_lists) and displacements by rows take, on a lattice.
+    pub(crate) fn drop_lists(&mut self) {
+        if self.lattice.is_some() {
+            (self.neighbor, self.weight, self.membership) = (vec![], vec![], vec![]);
+            self.displacement = Rows::default();
+        }
+    }
+
+    /// Computes with lists, and with rows of these displacements, which are there afterwards only if they were before.
+    pub(crate) fn listed<T>(&mut self, u: &[f64], v: Option<&[f64]>, f: impl FnOnce(&Self) -> T) -> T {
+        let made = self.make_lists();
+        self.forward(u, v);
+        let result = f(self);
+        if made {
+            self.drop_lists();
+        }
+        result
     }
 
     /// Brings the halo into the order of the body, so that exchange goes through memory in order.
@@ -264,9 +327,9 @@ impl<const D: usize> Chunk<D> {
     /// Forgets the lattice, where the materials have no use for it.
     pub(crate) fn leave_lattice(&mut self) {
         if self.lattice.is_some() {
+            self.make_lists();
             self.make_rows();
             self.lattice = None;
-            self.make_rows();
             self.store_lengths();
         }
     }
@@ -274,9 +337,8 @@ impl<const D: usize> Chunk<D> {
     /// A bond slot of owned point `i` breaks.
     pub(crate) fn break_bond(&mut self, i: usize, slot: usize) {
         self.intact[slot / 8] &= !(1 << (slot % 8));
-        let far = self.neighbor[slot] as usize;
         if let Some(lattice) = &mut self.lattice {
-            lattice.clear(i, far);
+            lattice.clear(i, slot - self.start[i] as usize);
         }
     }
 
@@ -340,12 +402,22 @@ impl<const D: usize> Chunk<D> {
         }
     }
 
-    /// The same in the planes of the lattice, where families are taken from it.
-    pub(crate) fn hand_out(&mut self, on_lattice: bool, u: &[f64], v: Option<&[f64]>) {
-        match &mut self.lattice {
-            Some(lattice) if on_lattice => lattice.fill(&self.points, &self.flips, u),
-            _ => self.forward(u, v),
+    /// Keeps the force on the halo, word `k` of local point `l` for each, until the chunks that own its points fetch it.
+    #[inline(always)]
+    pub(crate) fn keep_halo_force(&mut self, force: impl Fn(usize, usize) -> f64) {
+        self.halo_force.resize((self.points.len() - self.owned) * D, 0.0);
+        for (l, f) in (self.owned..).zip(self.halo_force.chunks_exact_mut(D)) {
+            (0..D).for_each(|k| f[k] = force(l, k));
         }
+    }
+
+    /// Keeps the bonds, given as owned point and bond of the stencil, that were found stretched, at displacements in planes.
+    pub(crate) fn note_stretched(&mut self, planes: &[f64], bonds: &[(u32, u32)]) {
+        let mut stretched = std::mem::take(&mut self.stretched);
+        if let Some(lattice) = &self.lattice {
+            lattice.stretches(self, planes, bonds, &mut stretched);
+        }
+        self.stretched = stretched;
     }
 
     /// The least threshold of the local points, given one per point of the body: no bond breaks below it.
@@ -376,10 +448,36 @@ impl<const D: usize> Chunk<D> {
         self.start.partition_point(|&s| s as usize <= slot) - 1
     }
 
+    /// The local point at the far end of a slot of owned point `i`.
+    #[inline]
+    pub(crate) fn far(&self, i: usize, slot: usize) -> usize {
+        match &self.lattice {
+            Some(lattice) if !self.has_lists() => lattice.far(i, slot - self.start[i] as usize),
+            _ => self.neighbor[slot] as usize,
+        }
+    }
+
+    /// Influence of a slot of owned point `i`, where it is not constant.
+    pub(crate) fn influence(&self, i: usize, slot: usize) -> Option<f64> {
+        self.weighted.then(|| match &self.lattice {
+            Some(lattice) if !self.has_lists() => lattice.bond(i, slot - self.start[i] as usize).weight,
+            _ => self.weight[slot],
+        })
+    }
+
+    /// The sub-horizons of a slot of owned point `i`, a bit each, where the family has any.
+    pub(crate) fn sets(&self, i: usize, slot: usize) -> Option<u8> {
+        let bit = |k: usize| u8::from(physics::scalar::is_intact(&self.membership[k * self.intact.len()..], slot)) << k;
+        (self.sub_horizons > 0).then(|| match &self.lattice {
+            Some(lattice) if !self.has_lists() => lattice.bond(i, slot - self.start[i] as usize).sets,
+            _ => (0..self.sub_horizons).map(bit).sum(),
+        })
+    }
+
     /// Reference bond vector of a slot of owned point `i`.
     #[inline]
     pub(crate) fn xi(&self, i: usize, slot: usize) -> [f64; 3] {
-        let (a, b) = (i * ROW, self.neighbor[slot] as usize * ROW);
+        let (a, b) = (i * ROW, self.far(i, slot) * ROW);
         std::array::from_fn(|k| self.coordinates[b + k] - self.coordinates[a + k])
     }
 
@@ -395,12 +493,9 @@ impl<const D: usize> Chunk<D> {
             + (self.length.len() + self.weight.len() + self.bond_memory.len()) * 8
             + self.intact.len()
             + self.membership.len();
-        let rows = self.coordinates.len() + self.displacement.len() + self.velocity.len() + self.force.len();
-        let dual = (self.dual_displacement.len() + self.dual_force.len()) * 16;
-        let points = (rows + self.horizon.len() + self.temperature.len() + self.memory.len()) * 8
-            + dual
-            + self.points.len() * 5
-            + self.start.len() * 8;
+        let rows = self.coordinates.len() + self.displacement.len() + self.velocity.len() + self.halo_force.len();
+        let points =
+            (rows + self.horizon.len() + self.temperature.len() + self.memory.len()) * 8 + self.points.len() * 5 + self.start.len() * 8;
         let lattice = self.lattice.as_ref().map_or((0, 0), LatticePoints::bytes);
         (bonds + lattice.0, points + lattice.1)
     }

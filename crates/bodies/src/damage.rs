@@ -17,6 +17,9 @@ pub enum Criterion {
     CriticalBondEnergy(Vec<f64>),
 }
 
+/// Displacements, and velocities where a material looks at them.
+pub type State<'a> = (&'a [f64], Option<&'a [f64]>);
+
 /// A directed bond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct BondId {
@@ -55,14 +58,19 @@ impl<const D: usize> Body<D> {
     pub fn exceeding(&mut self, u: &[f64], v: Option<&[f64]>, criterion: &Criterion) -> Vec<(BondId, f64)> {
         match criterion {
             Criterion::CriticalStretch(critical) => {
-                let parts = &self.parts;
+                self.spaces.ready();
+                let (parts, spaces) = (&self.parts, &self.spaces);
                 self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
-                    let on_lattice = on_lattice(parts, k, c);
-                    c.hand_out(on_lattice, u, v);
-                    let least = c.least(critical);
-                    if let (true, Some(lattice)) = (on_lattice, &mut c.lattice) {
-                        lattice.find_stretched(least);
+                    if let (true, Some(lattice)) = (on_lattice(parts, k, c), &c.lattice) {
+                        let planes = &mut spaces.own().displacement;
+                        let planes = planes.at_least(lattice.words());
+                        lattice.fill(&c.points, &c.flips, u, planes);
+                        let found = lattice.find_stretched(c.least(critical), planes);
+                        c.note_stretched(planes, &found);
+                        return;
                     }
+                    c.make_lists();
+                    c.forward(u, v);
                 });
                 self.exceeding_at_force(critical)
             }
@@ -73,7 +81,7 @@ impl<const D: usize> Body<D> {
                     .par_iter()
                     .enumerate()
                     .map(|(k, c)| {
-                        let mut out = vec![0.0; c.neighbor.len()];
+                        let mut out = vec![0.0; c.slot_count()];
                         let (view, mut family) = (c.configuration(), vec![]);
                         for i in 0..c.owned {
                             self.parts.iter().for_each(|part| part.half_bond_energies_at(k, i, &view, &mut family));
@@ -103,8 +111,8 @@ impl<const D: usize> Body<D> {
     /// ([`internal_force_watching`](Self::internal_force_watching)).
     pub fn exceeding_at_force(&self, critical: &[f64]) -> Vec<(BondId, f64)> {
         let mut found = self.exceeding_by(critical, |k, c, found| {
-            if let (true, Some(lattice)) = (on_lattice(&self.parts, k, c), &c.lattice) {
-                lattice.stretches(c).for_each(|(i, slot, stretch)| found(i, slot, stretch));
+            if on_lattice(&self.parts, k, c) {
+                c.stretched.iter().for_each(|&(i, slot, stretch)| found(i, slot, stretch));
                 return;
             }
             let view = c.configuration();
@@ -131,7 +139,7 @@ impl<const D: usize> Body<D> {
             .map(|(k, c)| {
                 let mut list = vec![];
                 measure(k, c, &mut |i, slot, value| {
-                    let far = c.points[c.neighbor[slot] as usize] as usize;
+                    let far = c.points[c.far(i, slot)] as usize;
                     let threshold = 0.5 * (critical[c.first + i] + critical[far]);
                     if value > threshold {
                         list.push((BondId { chunk: k as u32, slot: slot as u32 }, value / threshold));
@@ -146,25 +154,42 @@ impl<const D: usize> Body<D> {
     /// The same pair seen from the far point, where the far point's family has it.
     pub(crate) fn reverse(&self, bond: BondId) -> Option<BondId> {
         let c = &self.chunks[bond.chunk as usize];
-        let near = (c.first + c.point_of(bond.slot as usize)) as u32;
-        let l = c.neighbor[bond.slot as usize] as usize;
+        let i = c.point_of(bond.slot as usize);
+        let near = (c.first + i) as u32;
+        let l = c.far(i, bond.slot as usize);
         let (far, flips) = (c.points[l] as usize, c.flips[l]);
         let chunk = self.chunks.partition_point(|c| c.first <= far) - 1;
         let other = &self.chunks[chunk];
-        let slot = other.slots(far - other.first).find(|&s| {
-            let l = other.neighbor[s] as usize;
+        let j = far - other.first;
+        let slot = other.slots(j).find(|&s| {
+            let l = other.far(j, s);
             other.points[l] == near && other.flips[l] == flips
         })?;
         Some(BondId { chunk: chunk as u32, slot: slot as u32 })
     }
 
-    /// Energy of the pairs of these bonds that are intact, each pair once: `Σ (T[x]⟨ξ⟩ − T[x′]⟨−ξ⟩)·η/2 V V′`, at the displacements last
-    /// handed out by [`forward`](Self::forward) \[J\].
-    pub fn bond_energies(&self, bonds: impl IntoIterator<Item = BondId>) -> f64 {
+    /// The directed bonds of the pairs of these bonds that are intact.
+    fn both_ways(&self, bonds: impl IntoIterator<Item = BondId>) -> Vec<BondId> {
         let both = bonds.into_iter().flat_map(|b| [Some(b), self.reverse(b)]).flatten();
         let mut directed: Vec<BondId> = both.filter(|b| self.chunks[b.chunk as usize].is_intact(b.slot as usize)).collect();
         directed.sort_unstable();
         directed.dedup();
+        directed
+    }
+
+    /// Makes the lists of the chunks of these bonds, and hands them displacements where the body is deformed.
+    fn list_chunks(&mut self, bonds: &[BondId], deformed: Option<State>) {
+        for same in bonds.chunk_by(|a, b| a.chunk == b.chunk) {
+            let c = &mut self.chunks[same[0].chunk as usize];
+            c.make_lists();
+            deformed.into_iter().for_each(|(u, v)| c.forward(u, v));
+        }
+    }
+
+    /// Energy of the pairs of these bonds that are intact, each pair once: `Σ (T[x]⟨ξ⟩ − T[x′]⟨−ξ⟩)·η/2 V V′`, in a state \[J\].
+    pub fn bond_energies(&mut self, bonds: impl IntoIterator<Item = BondId>, state: State) -> f64 {
+        let directed = self.both_ways(bonds);
+        self.list_chunks(&directed, Some(state));
         let (mut sum, mut family, mut values) = (0.0, None, vec![]);
         for b in directed {
             let (k, slot) = (b.chunk as usize, b.slot as usize);
@@ -176,7 +201,7 @@ impl<const D: usize> Body<D> {
                 self.parts.iter().for_each(|p| p.half_bond_energies_at(k, i, &c.configuration(), &mut values));
             }
             let half = values.iter().find(|v| v.0 == slot).map_or(0.0, |v| v.1);
-            sum += half * c.volume(i) * c.volume(c.neighbor[slot] as usize);
+            sum += half * c.volume(i) * c.volume(c.far(i, slot));
         }
         sum
     }
@@ -184,26 +209,24 @@ impl<const D: usize> Body<D> {
     /// Breaks bonds, both directions of each, and rebuilds the shapes of the touched points. A point whose family has
     /// become singular is released: its remaining bonds break too, and so on until no family is singular.
     pub fn break_bonds(&mut self, bonds: impl IntoIterator<Item = BondId>) -> Broken {
-        self.breaking(bonds, false).0
+        self.breaking(bonds, None).0
     }
 
-    /// The same in a deformed body, with the energies of the touched families before and after, at the displacements last handed out by
-    /// [`forward`](Self::forward).
-    pub fn break_deformed_bonds(&mut self, bonds: impl IntoIterator<Item = BondId>) -> (Broken, BreakingEnergy) {
-        self.breaking(bonds, true)
+    /// The same in a deformed body, with the energies of the touched families before and after.
+    pub fn break_deformed_bonds(&mut self, bonds: impl IntoIterator<Item = BondId>, state: State) -> (Broken, BreakingEnergy) {
+        self.breaking(bonds, Some(state))
     }
 
-    fn breaking(&mut self, bonds: impl IntoIterator<Item = BondId>, deformed: bool) -> (Broken, BreakingEnergy) {
+    fn breaking(&mut self, bonds: impl IntoIterator<Item = BondId>, state: Option<State>) -> (Broken, BreakingEnergy) {
         let mut broken = Broken::default();
         let mut energy = BreakingEnergy::default();
+        let deformed = state.is_some();
         let mut queue: Vec<BondId> = bonds.into_iter().collect();
         // what families stored before they became singular
         let mut singular: BTreeMap<(usize, usize), f64> = BTreeMap::new();
         while !queue.is_empty() {
-            let both = queue.drain(..).flat_map(|b| [Some(b), self.reverse(b)]).flatten();
-            let mut all: Vec<BondId> = both.filter(|b| self.chunks[b.chunk as usize].is_intact(b.slot as usize)).collect();
-            all.sort_unstable();
-            all.dedup();
+            let all = self.both_ways(queue.drain(..));
+            self.list_chunks(&all, state);
             let mut touched: Vec<(usize, usize)> =
                 all.iter().map(|b| (b.chunk as usize, self.chunks[b.chunk as usize].point_of(b.slot as usize))).collect();
             touched.dedup();
@@ -272,7 +295,8 @@ impl<const D: usize> Body<D> {
     /// The two ends (sorted index) of a bond.
     pub fn ends(&self, bond: BondId) -> (usize, usize) {
         let c = &self.chunks[bond.chunk as usize];
-        (c.first + c.point_of(bond.slot as usize), c.points[c.neighbor[bond.slot as usize] as usize] as usize)
+        let i = c.point_of(bond.slot as usize);
+        (c.first + i, c.points[c.far(i, bond.slot as usize)] as usize)
     }
 
     /// Number of intact directed bonds.

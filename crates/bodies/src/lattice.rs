@@ -9,9 +9,10 @@ use physics::family::{Configuration, Family, Lattice, StencilBond, Undeformed};
 use physics::lanes::{Abreast, GroupKernel, WIDTH, widest_abreast};
 use physics::scalar::{ROW, VOLUME_WORD};
 use physics::tensor::Vector;
+use std::collections::HashMap;
 
-/// Share of the box that must be filled, and of the lanes of the groups' bonds that must be bonds.
-const FILLED: f64 = 0.25;
+/// Share of the box that must be filled, and of the lanes of the groups' bonds that must be bonds. Empty cells cost memory and little else.
+const FILLED: f64 = 1.0 / 16.0;
 const BUSY: f64 = 0.4;
 /// Relative deviation from a lattice, of weights and, beyond the round-off of coordinates, of bonds.
 const EXACT: f64 = 1e-12;
@@ -43,12 +44,17 @@ pub struct LatticePoints<const D: usize> {
     /// Whether pairwise models take each pair at one of its ends only: every pair of the body is then seen from both, by two bonds that are
     /// opposite (the bonds of two mirror images are not).
     pub(crate) once: bool,
-    /// Bonds stretched beyond a limit at the displacements of the last force evaluation, as owned point and bond of the stencil.
-    pub(crate) stretched: Vec<(u32, u32)>,
     /// Bond of the stencil for each offset from −reach to reach, or [`NOBODY`].
     by_offset: Vec<u32>,
     /// Cell of each local point.
     cell: Vec<u32>,
+    /// Local point of each cell; 0 where there is none, which nobody asks for.
+    local: Vec<u16>,
+    /// The pattern of each owned point: families of one pattern have, broken or not, the same bonds of the stencil.
+    pattern: Vec<u32>,
+    /// The bonds of each pattern, in the order of the stencil, which is the order of the slots.
+    pattern_start: Vec<u32>,
+    pattern_bonds: Vec<u16>,
     runs: Vec<Run>,
     pub(crate) groups: Vec<Group>,
     /// Group of each eight cells, or [`NOBODY`].
@@ -59,9 +65,6 @@ pub struct LatticePoints<const D: usize> {
     cells: usize,
     /// The cells between the margins: nothing acts on others.
     inner: std::ops::Range<usize>,
-    /// A plane for each component.
-    displacement: Rows,
-    pub(crate) force: Rows,
     volume: Rows,
     /// The words of pairwise models, or empty (what a view then has in its place nobody reads).
     word: Rows,
@@ -122,17 +125,18 @@ impl<const D: usize> LatticePoints<D> {
             stencil: vec![],
             half: 0,
             once: false,
-            stretched: vec![],
             by_offset: vec![],
             runs: runs(c, &cell),
+            local: vec![0; cells],
+            pattern: vec![],
+            pattern_start: vec![0],
+            pattern_bonds: vec![],
             cell,
             groups: vec![],
             group_of: vec![NOBODY; cells / WIDTH],
             mask: vec![],
             cells,
             inner: margin..margin + length,
-            displacement: Rows::zeros(D * cells),
-            force: Rows::zeros(D * cells),
             volume: Rows::zeros(cells),
             word: Rows::default(),
         };
@@ -148,7 +152,9 @@ impl<const D: usize> LatticePoints<D> {
         }
         for (l, &q) in lattice.cell.iter().enumerate() {
             lattice.volume[q as usize] = c.coordinates[l * ROW + VOLUME_WORD];
+            lattice.local[q as usize] = l as u16;
         }
+        lattice.make_patterns(c)?;
         lattice.remask(c);
         let bonds: usize = c.count.iter().map(|&n| n as usize).sum();
         let lanes = WIDTH * lattice.mask.iter().filter(|m| **m != 0).count();
@@ -217,18 +223,90 @@ impl<const D: usize> LatticePoints<D> {
         self.cell[far] as i32 - self.cell[near] as i32
     }
 
-    /// The byte of `mask` and the bit in it of the bond of owned point `i` to local point `far`.
-    fn bit(&self, i: usize, far: usize) -> (usize, u8) {
-        let group = self.group_of[self.cell[i] as usize / WIDTH] as usize;
-        let offset = self.offset(i, far);
-        let bond = self.by_offset[(offset + (self.by_offset.len() / 2) as i32) as usize] as usize;
-        (group * self.stencil.len() + bond, 1 << (self.cell[i] as usize % WIDTH))
+    /// Sorts the families by the bonds of the stencil that they have. `None` where the stencil has more bonds than 16 bits count.
+    fn make_patterns(&mut self, c: &Chunk<D>) -> Option<()> {
+        let last = u16::try_from(self.stencil.len()).ok()?;
+        let mut known: HashMap<Vec<u64>, u32> = HashMap::new();
+        let mut bonds = vec![0u64; self.stencil.len().div_ceil(64)];
+        let middle = self.by_offset.len() / 2;
+        for i in 0..c.owned {
+            bonds.fill(0);
+            let near = self.cell[i] as usize;
+            for &far in &c.neighbor[c.slots(i)] {
+                let bond = self.by_offset[self.cell[far as usize] as usize + middle - near] as usize;
+                bonds[bond / 64] |= 1 << (bond % 64);
+            }
+            let number = known.get(&bonds).copied().unwrap_or_else(|| {
+                let fresh = known.len() as u32;
+                known.insert(bonds.clone(), fresh);
+                self.pattern_bonds.extend((0..last).filter(|b| bonds[*b as usize / 64] >> (b % 64) & 1 == 1));
+                self.pattern_start.push(self.pattern_bonds.len() as u32);
+                fresh
+            });
+            self.pattern.push(number);
+        }
+        self.pattern_bonds.shrink_to_fit();
+        Some(())
     }
 
-    /// The bond of owned point `i` to local point `far` has broken.
-    pub(crate) fn clear(&mut self, i: usize, far: usize) {
-        let (byte, bit) = self.bit(i, far);
-        self.mask[byte] &= !bit;
+    /// The pattern of each owned point: equal numbers, equal bonds of the stencil.
+    pub(crate) fn patterns(&self) -> &[u32] {
+        &self.pattern
+    }
+
+    /// The bonds of the stencil that owned point `i` has or had, in the order of its slots.
+    #[inline]
+    fn bonds_of(&self, i: usize) -> &[u16] {
+        let p = self.pattern[i] as usize;
+        &self.pattern_bonds[self.pattern_start[p] as usize..self.pattern_start[p + 1] as usize]
+    }
+
+    /// The bond in place `k` of the family of owned point `i`.
+    #[inline]
+    pub(crate) fn bond(&self, i: usize, k: usize) -> &StencilBond {
+        &self.stencil[self.bonds_of(i)[k] as usize]
+    }
+
+    /// The local point at the far end of that bond.
+    #[inline]
+    pub(crate) fn far(&self, i: usize, k: usize) -> usize {
+        self.local[self.cell[i].wrapping_add_signed(self.bond(i, k).offset) as usize] as usize
+    }
+
+    /// Far points, influence and sub-horizons of all slots as a chunk stores them, given its first slot of each family.
+    pub(crate) fn lists(&self, start: &[u32], weighted: bool, sub_horizons: usize) -> (Vec<u16>, Vec<f64>, Vec<u8>) {
+        let slots = start.last().map_or(0, |s| *s as usize);
+        let (mut neighbor, mut weight) = (Vec::with_capacity(slots), Vec::with_capacity(if weighted { slots } else { 0 }));
+        let mut membership = vec![0; sub_horizons * slots / 8];
+        for (i, first) in (0..self.pattern.len()).zip(start) {
+            let near = self.cell[i];
+            for (&b, s) in self.bonds_of(i).iter().zip(*first as usize..) {
+                let bond = &self.stencil[b as usize];
+                neighbor.push(self.local[near.wrapping_add_signed(bond.offset) as usize]);
+                if weighted {
+                    weight.push(bond.weight);
+                }
+                for k in 0..sub_horizons {
+                    membership[(k * slots + s) / 8] |= (bond.sets >> k & 1) << (s % 8);
+                }
+            }
+            // the last block is filled with copies of the last bond
+            let end = start[i + 1] as usize;
+            if let Some(&last) = neighbor.last() {
+                neighbor.resize(end, last);
+            }
+            if let Some(&last) = weight.last() {
+                weight.resize(end, last);
+            }
+        }
+        (neighbor, weight, membership)
+    }
+
+    /// The bond in place `k` of the family of owned point `i` has broken.
+    pub(crate) fn clear(&mut self, i: usize, k: usize) {
+        let bond = self.bonds_of(i)[k] as usize;
+        let group = self.group_of[self.cell[i] as usize / WIDTH] as usize;
+        self.mask[group * self.stencil.len() + bond] &= !(1 << (self.cell[i] as usize % WIDTH));
     }
 
     /// The masks of the intact bonds.
@@ -236,14 +314,12 @@ impl<const D: usize> LatticePoints<D> {
         let mut mask = std::mem::take(&mut self.mask);
         mask.clear();
         mask.resize(self.groups.len() * self.stencil.len(), 0);
-        let middle = self.by_offset.len() / 2;
         for i in 0..c.owned {
             let near = self.cell[i] as usize;
             let group = self.group_of[near / WIDTH] as usize;
             let (masks, bit) = (&mut mask[group * self.stencil.len()..][..self.stencil.len()], 1 << (near % WIDTH));
-            for s in c.slots(i).filter(|&s| c.is_intact(s)) {
-                let far = self.cell[c.neighbor[s] as usize] as usize;
-                masks[self.by_offset[far + middle - near] as usize] |= bit;
+            for (&bond, _) in self.bonds_of(i).iter().zip(c.slots(i)).filter(|(_, s)| c.is_intact(*s)) {
+                masks[bond as usize] |= bit;
             }
         }
         self.mask = mask;
@@ -254,23 +330,6 @@ impl<const D: usize> LatticePoints<D> {
     pub(crate) fn masks(&self, group: u32) -> &[u8] {
         &self.mask[group as usize * self.stencil.len()..][..self.stencil.len()]
     }
-    /// The bonds of the stencil that each owned point has, a bit each: so many words a point, and the words.
-    pub(crate) fn patterns(&self, owned: usize) -> (usize, Vec<u64>) {
-        let words = self.stencil.len().div_ceil(64);
-        let mut patterns = vec![0; words * owned];
-        for (group, number) in self.groups.iter().zip(0..) {
-            for (bond, &mask) in self.masks(number).iter().enumerate() {
-                let mut lanes = mask;
-                while lanes != 0 {
-                    let point = group.points[lanes.trailing_zeros() as usize] as usize;
-                    patterns[point * words + bond / 64] |= 1 << (bond % 64);
-                    lanes &= lanes - 1;
-                }
-            }
-        }
-        (words, patterns)
-    }
-
     /// Bonds that come before the opposite of any.
     #[inline(always)]
     pub(crate) fn half(&self) -> usize {
@@ -283,11 +342,16 @@ impl<const D: usize> LatticePoints<D> {
         self.cells
     }
 
-    /// The view that families borrow.
+    /// Numbers of the planes of displacements, or of forces.
+    pub(crate) fn words(&self) -> usize {
+        D * self.cells
+    }
+
+    /// The view that families borrow, with displacements in planes.
     #[inline(always)]
-    pub(crate) fn view(&self) -> Lattice<'_> {
+    pub(crate) fn view<'a>(&'a self, displacement: &'a [f64]) -> Lattice<'a> {
         let n = self.cells;
-        let planes = &self.displacement[..D * n];
+        let planes = &displacement[..D * n];
         Lattice {
             stencil: &self.stencil,
             displacement: std::array::from_fn(|k| if k < D { &planes[k * n..][..n] } else { &planes[..0] }),
@@ -299,7 +363,7 @@ impl<const D: usize> LatticePoints<D> {
 
     /// The arrays that families of points abreast borrow.
     #[inline(always)]
-    pub(crate) fn configuration<R>(&self) -> Configuration<'_, R> {
+    pub(crate) fn configuration<'a, R>(&'a self, displacement: &'a [f64]) -> Configuration<'a, R> {
         Configuration {
             time: 0.0,
             coordinates: &[],
@@ -316,7 +380,7 @@ impl<const D: usize> LatticePoints<D> {
             memory: &[],
             memory_words: 0,
             bond_memory: &[],
-            lattice: self.view(),
+            lattice: self.view(displacement),
         }
     }
 
@@ -326,24 +390,26 @@ impl<const D: usize> LatticePoints<D> {
         limit - EXACT * (1.0 + limit.abs())
     }
 
-    /// Slot and stretch of the bonds found to be [`stretched`](Self::stretched).
-    pub(crate) fn stretches<'a>(&'a self, c: &'a Chunk<D>) -> impl Iterator<Item = (usize, usize, f64)> + 'a {
+    /// Owned point, slot and stretch of bonds, given as owned point and bond of the stencil, at the displacements of the planes.
+    pub(crate) fn stretches(&self, c: &Chunk<D>, planes: &[f64], bonds: &[(u32, u32)], out: &mut Vec<(usize, usize, f64)>) {
         let n = self.cells;
-        self.stretched.iter().map(move |&(i, bond)| {
+        out.clear();
+        out.extend(bonds.iter().map(|&(i, bond)| {
             let i = i as usize;
             let near = self.cell[i];
             let far = near.wrapping_add_signed(self.stencil[bond as usize].offset);
-            let slot = c.slots(i).find(|&s| self.cell[c.neighbor[s] as usize] == far).expect("a bond of the point");
-            let u = |cell: u32, k: usize| self.displacement[k * n + cell as usize];
+            let k = self.bonds_of(i).binary_search(&(bond as u16)).expect("a bond of the point");
+            let slot = c.start[i] as usize + k;
+            let u = |cell: u32, k: usize| planes[k * n + cell as usize];
             let eta = Vector::<f64, D>(std::array::from_fn(|k| u(far, k) - u(near, k)));
             let xi = c.xi(i, slot);
             (i, slot, stretch(Vector(std::array::from_fn(|k| xi[k])), eta))
-        })
+        }));
     }
 
     /// Finds the bonds whose stretch is above `least`, or so near to it that round-off decides, at the displacements of the planes.
-    pub(crate) fn find_stretched(&mut self, least: f64) {
-        self.stretched = widest_abreast(Stretched { lattice: self, limit: Self::growth_limit(least) });
+    pub(crate) fn find_stretched(&self, least: f64, planes: &[f64]) -> Vec<(u32, u32)> {
+        widest_abreast(Stretched { lattice: self, planes, limit: Self::growth_limit(least) })
     }
 
     /// Keeps the words of pairwise models, one for each local point.
@@ -360,7 +426,7 @@ impl<const D: usize> LatticePoints<D> {
     }
 
     /// Spreads displacements of the body (`D` words a point, sorted order) to the planes.
-    pub(crate) fn fill(&mut self, points: &[u32], flips: &[u8], u: &[f64]) {
+    pub(crate) fn fill(&self, points: &[u32], flips: &[u8], u: &[f64], planes: &mut [f64]) {
         let n = self.cells;
         for run in &self.runs {
             let (p, q, m) = (points[run.local as usize] as usize, run.cell as usize, run.length as usize);
@@ -368,7 +434,7 @@ impl<const D: usize> LatticePoints<D> {
             let flip = flips[run.local as usize];
             for k in 0..D {
                 let sign = if flip >> k & 1 == 1 { -1.0 } else { 1.0 };
-                for (x, u) in self.displacement[k * n + q..][..m].iter_mut().zip(source.chunks_exact(D)) {
+                for (x, u) in planes[k * n + q..][..m].iter_mut().zip(source.chunks_exact(D)) {
                     *x = sign * u[k];
                 }
             }
@@ -376,12 +442,12 @@ impl<const D: usize> LatticePoints<D> {
     }
 
     /// The force on owned points (`D` words a point).
-    pub(crate) fn own_force(&self, owned: usize, out: &mut [f64]) {
+    pub(crate) fn own_force(&self, owned: usize, planes: &[f64], out: &mut [f64]) {
         let n = self.cells;
         for run in self.runs.iter().take_while(|r| (r.local as usize) < owned) {
             let (l, q, m) = (run.local as usize, run.cell as usize, run.length as usize);
             for k in 0..D {
-                for (f, x) in out[l * D..(l + m) * D].chunks_exact_mut(D).zip(&self.force[k * n + q..][..m]) {
+                for (f, x) in out[l * D..(l + m) * D].chunks_exact_mut(D).zip(&planes[k * n + q..][..m]) {
                     f[k] = *x;
                 }
             }
@@ -390,8 +456,8 @@ impl<const D: usize> LatticePoints<D> {
 
     /// Component `k` of the force on a local point.
     #[inline(always)]
-    pub(crate) fn force_on(&self, local: usize, k: usize) -> f64 {
-        self.force[k * self.cells + self.cell[local] as usize]
+    pub(crate) fn force_on(&self, planes: &[f64], local: usize, k: usize) -> f64 {
+        planes[k * self.cells + self.cell[local] as usize]
     }
 
     /// Nothing acts on any point.
@@ -402,8 +468,11 @@ impl<const D: usize> LatticePoints<D> {
     /// Bytes held for bonds and for points.
     pub(crate) fn bytes(&self) -> (usize, usize) {
         let bonds = self.mask.len() + self.stencil.len() * size_of::<StencilBond>() + self.by_offset.len() * 4;
-        let planes = self.displacement.len() + self.force.len() + self.volume.len() + self.word.len();
+        let planes = self.volume.len() + self.word.len();
+        let patterns = self.pattern.len() * 4 + self.pattern_start.len() * 4 + self.pattern_bonds.len() * 2;
         let points = self.cell.len() * 4
+            + self.local.len() * 2
+            + patterns
             + self.groups.len() * size_of::<Group>()
             + self.group_of.len() * 4
             + self.runs.len() * size_of::<Run>()
@@ -430,6 +499,7 @@ fn stretch<const D: usize>(xi: Vector<f64, D>, eta: Vector<f64, D>) -> f64 {
 /// Bonds for which |Y|² − |ξ|² is above `limit` |ξ|² or close below, as owned point and bond of the stencil.
 struct Stretched<'a, const D: usize> {
     lattice: &'a LatticePoints<D>,
+    planes: &'a [f64],
     limit: f64,
 }
 impl<const D: usize> GroupKernel for Stretched<'_, D> {
@@ -438,7 +508,7 @@ impl<const D: usize> GroupKernel for Stretched<'_, D> {
     #[inline(always)]
     fn run<S: Abreast>(self) -> Self::Output {
         let lattice = self.lattice;
-        let c = lattice.configuration::<S>();
+        let c = lattice.configuration::<S>(self.planes);
         let limit = self.limit;
         let mut found = vec![];
         for (k, groups) in lattice.groups.chunks(S::GROUPS).enumerate() {

@@ -18,6 +18,7 @@ mod orientation;
 pub mod part;
 pub mod points;
 pub mod region;
+pub mod scratch;
 mod shared;
 pub mod sort;
 pub mod spectrum;

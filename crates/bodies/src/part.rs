@@ -2,6 +2,7 @@
 
 use crate::chunk::Chunk;
 use crate::lattice::{Group, LatticePoints, NOBODY};
+use crate::scratch::Scratch;
 use crate::shared::{Distinct, Shared};
 use physics::family::{Bond, Configuration, Family, Place, Reference, Undeformed};
 use physics::lanes::{Abreast, GroupKernel, Kernel, WIDTH, widest, widest_abreast};
@@ -78,8 +79,7 @@ pub trait Part<const D: usize>: Send + Sync {
         c: &Configuration<f64>,
         lattice: &LatticePoints<D>,
         watch: Option<f64>,
-        planes: &mut [f64],
-        stretched: &mut Vec<(u32, u32)>,
+        scratch: &mut Scratch,
     );
     /// The same with a derivative along a direction.
     fn add_force_dual(&self, chunk: usize, c: &Configuration<Dual>, force: &mut [Dual]);
@@ -308,8 +308,7 @@ struct OnLattice<'a, M: Material<D>, const D: usize> {
     c: &'a Configuration<'a, f64>,
     lattice: &'a LatticePoints<D>,
     watch: Option<f64>,
-    planes: &'a mut [f64],
-    stretched: &'a mut Vec<(u32, u32)>,
+    scratch: &'a mut Scratch,
 }
 
 impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
@@ -317,7 +316,8 @@ impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
     fn run<S: Abreast>(self) {
         let (lattice, material) = (self.lattice, &self.part.material);
         let n = lattice.cells();
-        let c = lattice.configuration::<S>();
+        let Scratch { displacement, force, stretched, .. } = self.scratch;
+        let (planes, c) = (&mut force[..], lattice.configuration::<S>(displacement));
         // each pair at one of its ends
         let once = M::PAIRWISE && self.part.gathers && lattice.once;
         let bonds = if once { lattice.half() } else { c.lattice.stencil.len() };
@@ -351,11 +351,11 @@ impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
                         own = own + pair;
                         if once {
                             for k in 0..D {
-                                pair.0[k].subtract_from(&mut self.planes[k * n..][..n], b.far_cells());
+                                pair.0[k].subtract_from(&mut planes[k * n..][..n], b.far_cells());
                             }
                         }
                         if b.slot() < watched {
-                            look(b, limit, [first, second], self.stretched);
+                            look(b, limit, [first, second], stretched);
                         }
                     },
                 );
@@ -367,16 +367,16 @@ impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
                         let pair = material.force(&state, b) * (b.volume() * near);
                         own = own + pair;
                         for k in 0..D {
-                            pair.0[k].subtract_from(&mut self.planes[k * n..][..n], b.far_cells());
+                            pair.0[k].subtract_from(&mut planes[k * n..][..n], b.far_cells());
                         }
                         if b.slot() < watched {
-                            look(b, limit, [first, second], self.stretched);
+                            look(b, limit, [first, second], stretched);
                         }
                     },
                 );
             }
             for k in 0..D {
-                own.0[k].add_to(&mut self.planes[k * n..][..n], cells);
+                own.0[k].add_to(&mut planes[k * n..][..n], cells);
             }
         }
     }
@@ -518,26 +518,29 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         let (uniform, small) = (matches!(self.constants, Constants::Uniform(_)), size_of::<M::Shape>() <= 2 * size_of::<u32>());
         let made: Vec<OnceLock<Made<M::Shape>>> = chunks.iter().map(|_| OnceLock::new()).collect();
         in_parallel(chunks.len(), &|k| {
-            let (first, points) = &self.points[k];
-            let c = chunks[k].configuration();
-            let mut singular = vec![];
-            let mut shapes = Shared::with_capacity(points.len());
-            let distinct = uniform.then(|| Distinct::new(&chunks[k], M::SUB_HORIZONS, M::STORED_INFLUENCE));
-            // shapes as small as an index are not worth a search among bonds
-            let mut distinct = distinct.filter(|known| !small || known.by_cells());
-            for &i in points {
-                let same = distinct.as_mut().and_then(|known| known.find(&c, i as usize, shapes.distinct()));
-                if let Some(same) = same {
-                    shapes.push_same(same);
-                    continue;
-                }
-                match self.material.shape(self.constants.at(first + i as usize), Reference::new(&c, i as usize)) {
-                    Ok(shape) => shapes.push(shape),
-                    Err(_) => singular.push(i as usize),
-                }
-            }
-            shapes.seal();
-            made[k].get_or_init(|| if singular.is_empty() { Ok(shapes) } else { Err(singular) });
+            made[k].get_or_init(|| {
+                chunks[k].with_lists(|c| {
+                    let (first, points) = &self.points[k];
+                    let mut singular = vec![];
+                    let mut shapes = Shared::with_capacity(points.len());
+                    let distinct = uniform.then(|| Distinct::new(&chunks[k], M::SUB_HORIZONS, M::STORED_INFLUENCE));
+                    // shapes as small as an index are not worth a search among bonds
+                    let mut distinct = distinct.filter(|known| !small || known.by_cells());
+                    for &i in points {
+                        let same = distinct.as_mut().and_then(|known| known.find(c, i as usize, shapes.distinct()));
+                        if let Some(same) = same {
+                            shapes.push_same(same);
+                            continue;
+                        }
+                        match self.material.shape(self.constants.at(first + i as usize), Reference::new(c, i as usize)) {
+                            Ok(shape) => shapes.push(shape),
+                            Err(_) => singular.push(i as usize),
+                        }
+                    }
+                    shapes.seal();
+                    if singular.is_empty() { Ok(shapes) } else { Err(singular) }
+                })
+            });
         });
         let mut singular = vec![];
         self.shapes.clear();
@@ -596,12 +599,11 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         c: &Configuration<f64>,
         lattice: &LatticePoints<D>,
         watch: Option<f64>,
-        planes: &mut [f64],
-        stretched: &mut Vec<(u32, u32)>,
+        scratch: &mut Scratch,
     ) {
         // known when the program is compiled
         if M::ABREAST && !M::RATE && M::BOND_MEMORY == 0 {
-            widest_abreast(OnLattice { part: self, chunk, c, lattice, watch, planes, stretched });
+            widest_abreast(OnLattice { part: self, chunk, c, lattice, watch, scratch });
         }
     }
     fn add_force_dual(&self, chunk: usize, c: &Configuration<Dual>, force: &mut [Dual]) {
@@ -627,7 +629,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     }
     fn family_stiffness(&self, chunk: usize, point: usize, arrays: &Chunk<D>, u: &mut [Jet<SEEDS>], out: &mut Vec<f64>) {
         let Some((constants, shape)) = self.own(chunk, point) else { return };
-        let far: Vec<usize> = arrays.slots(point).filter(|&s| arrays.is_intact(s)).map(|s| arrays.neighbor[s] as usize * ROW).collect();
+        let far: Vec<usize> = arrays.slots(point).filter(|&s| arrays.is_intact(s)).map(|s| arrays.far(point, s) * ROW).collect();
         let n = far.len() * D;
         let near = arrays.volume(point);
         out.clear();
@@ -663,7 +665,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
             return;
         }
         let (mut memory, mut bond_memory) = (arrays.memory.clone(), arrays.bond_memory.clone());
-        let slots = arrays.neighbor.len();
+        let slots = arrays.slot_count();
         let c = arrays.configuration();
         self.each(chunk, |i, constants, shape| {
             let family = Family::<f64, D>::new(&c, i);

@@ -107,7 +107,7 @@ impl<const D: usize> Bonds<D> {
 }
 
 /// The distinct families met so far, each by one of its points.
-pub(crate) struct Distinct<const D: usize> {
+pub(crate) struct Distinct<'a, const D: usize> {
     sub_horizons: usize,
     weighted: bool,
     /// Representative points with their entries in the table, by hash.
@@ -115,19 +115,19 @@ pub(crate) struct Distinct<const D: usize> {
     /// Families looked at, and found again.
     tried: (usize, usize),
     /// On a lattice of equal volumes families are the same where their bonds are those of the same cells: see `LatticePoints::patterns`.
-    patterns: Option<(usize, Vec<u64>)>,
-    by_pattern: HashMap<Vec<u64>, usize>,
+    patterns: Option<&'a [u32]>,
+    by_pattern: HashMap<u32, usize>,
 }
 
 /// Families after which a search that finds few again is given up: a cloud of points.
 const ENOUGH: usize = 256;
 
-impl<const D: usize> Distinct<D> {
-    pub fn new(chunk: &Chunk<D>, sub_horizons: usize, weighted: bool) -> Self {
+impl<'a, const D: usize> Distinct<'a, D> {
+    pub fn new(chunk: &'a Chunk<D>, sub_horizons: usize, weighted: bool) -> Self {
         let near = |a: f64, b: f64| (a - b).abs() <= SAME * b.abs();
         let alike = chunk.horizon.iter().all(|h| near(*h, chunk.horizon[0]))
             && (0..chunk.points.len()).all(|l| near(chunk.volume(l), chunk.volume(0)));
-        let patterns = chunk.lattice.as_ref().filter(|_| alike).map(|lattice| lattice.patterns(chunk.owned));
+        let patterns = chunk.lattice.as_ref().filter(|_| alike).map(|lattice| lattice.patterns());
         Distinct { sub_horizons, weighted, known: HashMap::new(), tried: (0, 0), patterns, by_pattern: HashMap::new() }
     }
     /// Whether a look at the cells of a family is enough, which is cheaper than any shape.
@@ -136,11 +136,10 @@ impl<const D: usize> Distinct<D> {
     }
     /// The entry of a family that is the same as that of `point`; where there is none, `point` will be found under `next` later.
     pub fn find(&mut self, c: &Configuration<f64>, point: usize, next: usize) -> Option<usize> {
-        if let Some((words, patterns)) = &self.patterns {
-            let pattern = &patterns[point * words..][..*words];
-            let found = self.by_pattern.get(pattern).copied();
+        if let Some(patterns) = self.patterns {
+            let found = self.by_pattern.get(&patterns[point]).copied();
             if found.is_none() {
-                self.by_pattern.insert(pattern.to_vec(), next);
+                self.by_pattern.insert(patterns[point], next);
             }
             return found;
         }

@@ -7,7 +7,7 @@ use crate::loads::{Condition, Field, Kind, add_external, add_walls, each_contact
 use rayon::prelude::*;
 use solvers::problem::{Dynamics, Statics, Stop};
 use solvers::sparse::{BlockMatrix, BlockPattern, FamilyList};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Displacements beyond this multiple of the body's size count as runaway.
 const RUNAWAY: f64 = 1e3;
@@ -72,7 +72,8 @@ pub struct Structure<const D: usize> {
     pub(crate) user: Vec<u32>,
     pub(crate) material: Vec<u32>,
     mass: Vec<f64>,
-    positions: Vec<f64>,
+    /// Coordinates, `D` a point, for those who ask.
+    positions: OnceLock<Vec<f64>>,
     size: f64,
     conditions: Vec<Condition>,
     temperature: Option<Temperature>,
@@ -152,7 +153,6 @@ impl<const D: usize> Structure<D> {
     ) -> Self {
         let n = body.points();
         let mass = (0..n * D).map(|q| parts.density[q / D] * body.volume()[q / D]).collect();
-        let positions: Vec<f64> = body.position().iter().flat_map(|x| x[..D].to_vec()).collect();
         let size = (0..D)
             .map(|k| {
                 let (lo, hi) = body.position().iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x[k]), b.max(x[k])));
@@ -184,7 +184,7 @@ impl<const D: usize> Structure<D> {
             user: parts.user,
             material: parts.material,
             mass,
-            positions,
+            positions: OnceLock::new(),
             size,
             conditions,
             temperature,
@@ -203,7 +203,7 @@ impl<const D: usize> Structure<D> {
             saved_work: None,
             work: Work { done: 0.0, begun: false, u: vec![0.0; driven.len()], force: vec![0.0; driven.len()] },
             work_open: true,
-            scratch: vec![0.0; n * D],
+            scratch: vec![],
             driving: vec![0.0; driven.len()],
             external: vec![0.0; n * D],
             driven,
@@ -368,7 +368,7 @@ impl<const D: usize> Structure<D> {
         let mut out = [0.0; 3];
         match &self.conditions[condition].kind {
             Kind::Displacement | Kind::Velocity => {
-                let mut f = std::mem::take(&mut self.scratch);
+                let mut f = vec![0.0; u.len()];
                 self.total_force(t, u, v, &mut f);
                 for &(dof, c) in self.prescribed.iter().filter(|p| p.1 == condition as u32) {
                     debug_assert_eq!(c as usize, condition);
@@ -378,7 +378,6 @@ impl<const D: usize> Structure<D> {
                     let share = s.share(condition, &self.conditions, &f[s.point * D..][..D]);
                     out.iter_mut().zip(share).for_each(|(out, share)| *out -= share);
                 }
-                self.scratch = f;
             }
             Kind::RigidWall(_) => each_contact::<D>(&self.conditions, self.body.position(), u, t, |n, _, wall, stiffness, depth| {
                 if n == condition {
@@ -410,7 +409,7 @@ impl<const D: usize> Structure<D> {
         for k in 0..D {
             momentum[k] = ordered_sum(n, |p| self.mass[p * D] * v[p * D + k]);
         }
-        let x = |p: usize, k: usize| if k < D { self.positions[p * D + k] + u[p * D + k] } else { 0.0 };
+        let x = |p: usize, k: usize| if k < D { self.body.position()[p][k] + u[p * D + k] } else { 0.0 };
         let w = |p: usize, k: usize| if k < D { v[p * D + k] } else { 0.0 };
         let mut angular_momentum = [0.0; 3];
         for (k, l) in angular_momentum.iter_mut().enumerate() {
@@ -477,10 +476,8 @@ impl<const D: usize> Structure<D> {
         // ties break together: the threshold is a shade below the fraction of the worst
         let limit = if all { 0.0 } else { worst * least * (1.0 - 1e-9) };
         let chosen: Vec<_> = found.into_iter().filter(|f| f.1 >= limit).map(|f| f.0).collect();
-        // the force may have been taken from the lattice, and the criterion from the force: families want the displacements in their rows
-        self.body.forward(u, v);
-        self.broken_energy += self.body.bond_energies(chosen.iter().copied());
-        let (broken, energy) = self.body.break_deformed_bonds(chosen);
+        self.broken_energy += self.body.bond_energies(chosen.iter().copied(), (u, v));
+        let (broken, energy) = self.body.break_deformed_bonds(chosen, (u, v));
         self.breaking.released += energy.released;
         self.breaking.raised += energy.raised;
         total.bonds += broken.bonds;
@@ -515,7 +512,7 @@ impl<const D: usize> Structure<D> {
             for i in 0..c.owned {
                 for s in c.slots(i).filter(|&s| c.is_intact(s)) {
                     let a = find(&mut root, (c.first + i) as u32);
-                    let b = find(&mut root, c.points[c.neighbor[s] as usize]);
+                    let b = find(&mut root, c.points[c.far(i, s)]);
                     root[a.max(b) as usize] = a.min(b);
                 }
             }
@@ -608,6 +605,8 @@ impl<const D: usize> Dynamics for Structure<D> {
         &self.fixed
     }
     fn force(&mut self, t: f64, u: &[f64], v: &[f64], f: &mut [f64]) -> Result<(), Stop> {
+        // products with the stiffness are over for a while
+        self.scratch = vec![];
         self.total_force_watching(t, u, Some(v), true, f);
         self.check(t, u, f)?;
         self.add_work(u, f);
@@ -681,7 +680,7 @@ impl<const D: usize> Statics for Structure<D> {
         D
     }
     fn positions(&self) -> &[f64] {
-        &self.positions
+        self.positions.get_or_init(|| self.body.position().iter().flat_map(|x| x[..D].to_vec()).collect())
     }
     fn fixed(&self) -> &[bool] {
         &self.fixed
@@ -769,10 +768,9 @@ impl<const D: usize> Statics for Structure<D> {
     fn break_bonds(&mut self, t: f64, u: &[f64]) -> Result<usize, Stop> {
         if self.work_open {
             // work of the increment at the forces before anything breaks: what breaks at this load dissipates, it does no work
-            let mut f = std::mem::take(&mut self.scratch);
+            let mut f = vec![0.0; u.len()];
             self.total_force(t, u, None, &mut f);
             self.add_work(u, &f);
-            self.scratch = f;
             self.work_open = false;
         }
         if self.failure.is_empty() {
@@ -801,10 +799,9 @@ impl<const D: usize> Statics for Structure<D> {
         Ok(share)
     }
     fn accept(&mut self, t: f64, u: &[f64]) -> Result<(), Stop> {
-        let mut f = std::mem::take(&mut self.scratch);
+        let mut f = vec![0.0; u.len()];
         self.total_force(t, u, None, &mut f);
         self.add_work(u, &f);
-        self.scratch = f;
         self.work_open = true;
         self.force_scale.1 = self.force_scale.1.max(self.force_scale.0);
         self.body.commit(u, None);

@@ -330,8 +330,17 @@ fn a_bond_costs_what_it_should() {
     let mut body = bare(&case, &position);
     let parts = everywhere(&case, bonds())(&body);
     body.assign(parts).unwrap();
-    let (bytes, _, _) = body.bytes();
-    let each = bytes as f64 / body.bonds() as f64;
-    // two of the list, padding to eights, two bits
-    assert!((2.2..2.8).contains(&each), "{each}");
+    let each = |body: &Body<3>| body.bytes().0 as f64 / body.bonds() as f64;
+    // two bits, padding to eights, the stencil
+    assert!((0.2..0.6).contains(&each(&body)), "{}", each(&body));
+    // two bytes more where something has asked for lists
+    body.forward(&vec![0.0; 3 * position.len()], None);
+    assert!((2.2..2.8).contains(&each(&body)), "{}", each(&body));
+    // what computes with lists for a moment leaves none
+    let mut body = bare(&case, &position);
+    let parts = everywhere(&case, bonds())(&body);
+    body.assign(parts).unwrap();
+    let before = body.bytes();
+    assert_eq!(body.energy(&vec![0.0; 3 * position.len()]), 0.0);
+    assert_eq!(body.bytes(), before);
 }
