@@ -5,7 +5,7 @@
 //! cargo bench -p peridyne-benches --bench suite [-- [--quick] [--large] [--csv FILE] [--only NAME] [--lanes portable|avx2|avx512]]
 //! ```
 //!
-//! `--lanes`: nothing wider, to see what older processors would do. `--quick`: small blocks, three rounds. `--large`: growth up to 10⁷ points (20 GB). Rounds are interleaved: each runs every model once, and what is
+//! `--lanes`: nothing wider, to see what older processors would do. `--quick`: small blocks, three rounds. `--large`: growth up to 10⁷ points (8 GB). Rounds are interleaved: each runs every model once, and what is
 //! printed is the median over rounds with least and most.
 
 mod decks;

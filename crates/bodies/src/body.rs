@@ -292,7 +292,10 @@ impl<const D: usize> Body<D> {
                 for (f, row) in out.chunks_exact_mut(D).zip(rows.chunks_exact(ROW)) {
                     f.copy_from_slice(&row[..D]);
                 }
-                c.keep_halo_force(|l, k| rows[l * ROW + k]);
+                let owned = c.owned;
+                for (f, row) in c.halo_force().chunks_exact_mut(D).zip(rows[owned * ROW..].chunks_exact(ROW)) {
+                    f.copy_from_slice(&row[..D]);
+                }
                 return;
             }
             let Some(lattice) = c.lattice.take() else { return };
@@ -303,8 +306,8 @@ impl<const D: usize> Body<D> {
             for part in parts {
                 part.add_force_on_lattice(k, &c.configuration(), &lattice, watch, scratch);
             }
-            lattice.own_force(c.owned, &scratch.force, out);
-            c.keep_halo_force(|l, k| lattice.force_on(&scratch.force, l, k));
+            lattice.take_force(0, &scratch.force, out);
+            lattice.take_force(c.owned, &scratch.force, c.halo_force());
             c.lattice = Some(lattice);
             c.note_stretched(&scratch.displacement, &scratch.stretched);
         });
@@ -343,7 +346,10 @@ impl<const D: usize> Body<D> {
             for (f, row) in out.chunks_exact_mut(D).zip(scratch.dual_force.chunks_exact(ROW)) {
                 (0..D).for_each(|k| f[k] = -row[k].slope[0]);
             }
-            c.keep_halo_force(|l, k| -scratch.dual_force[l * ROW + k].slope[0]);
+            let owned = c.owned;
+            for (f, row) in c.halo_force().chunks_exact_mut(D).zip(scratch.dual_force[owned * ROW..].chunks_exact(ROW)) {
+                (0..D).for_each(|k| f[k] = -row[k].slope[0]);
+            }
         });
     }
 

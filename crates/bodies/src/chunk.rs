@@ -402,13 +402,10 @@ impl<const D: usize> Chunk<D> {
         }
     }
 
-    /// Keeps the force on the halo, word `k` of local point `l` for each, until the chunks that own its points fetch it.
-    #[inline(always)]
-    pub(crate) fn keep_halo_force(&mut self, force: impl Fn(usize, usize) -> f64) {
+    /// Room for the force on the halo, which stays until the chunks that own its points fetch it.
+    pub(crate) fn halo_force(&mut self) -> &mut [f64] {
         self.halo_force.resize((self.points.len() - self.owned) * D, 0.0);
-        for (l, f) in (self.owned..).zip(self.halo_force.chunks_exact_mut(D)) {
-            (0..D).for_each(|k| f[k] = force(l, k));
-        }
+        &mut self.halo_force
     }
 
     /// Keeps the bonds, given as owned point and bond of the stencil, that were found stretched, at displacements in planes.

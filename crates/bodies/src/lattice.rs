@@ -441,23 +441,20 @@ impl<const D: usize> LatticePoints<D> {
         }
     }
 
-    /// The force on owned points (`D` words a point).
-    pub(crate) fn own_force(&self, owned: usize, planes: &[f64], out: &mut [f64]) {
+    /// The force on the owned points, or on the halo (`D` words a point): local points from `first` on, as many as there is room for.
+    pub(crate) fn take_force(&self, first: usize, planes: &[f64], out: &mut [f64]) {
         let n = self.cells;
-        for run in self.runs.iter().take_while(|r| (r.local as usize) < owned) {
-            let (l, q, m) = (run.local as usize, run.cell as usize, run.length as usize);
+        // runs end with the owned points
+        let begin = self.runs.partition_point(|r| (r.local as usize) < first);
+        let end = self.runs.partition_point(|r| (r.local as usize) < first + out.len() / D);
+        for run in &self.runs[begin..end] {
+            let (l, q, m) = (run.local as usize - first, run.cell as usize, run.length as usize);
             for k in 0..D {
                 for (f, x) in out[l * D..(l + m) * D].chunks_exact_mut(D).zip(&planes[k * n + q..][..m]) {
                     f[k] = *x;
                 }
             }
         }
-    }
-
-    /// Component `k` of the force on a local point.
-    #[inline(always)]
-    pub(crate) fn force_on(&self, planes: &[f64], local: usize, k: usize) -> f64 {
-        planes[k * self.cells + self.cell[local] as usize]
     }
 
     /// Nothing acts on any point.

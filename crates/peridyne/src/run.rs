@@ -28,7 +28,7 @@ use solvers::velocity_verlet::{Following, Motion, VelocityVerlet, stable_step};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, atomic::AtomicBool};
 use std::time::Instant;
 
 mod advance;
@@ -88,7 +88,7 @@ pub struct Observed {
     /// Dimension of space.
     pub dimension: usize,
     /// Reference positions.
-    pub reference: Vec<[f64; 3]>,
+    pub reference: Arc<[[f64; 3]]>,
     /// Edge of the cell of each point.
     pub edge: Vec<f64>,
     /// The fields that were wanted.
@@ -371,8 +371,9 @@ struct Recorder<'a> {
     problem: &'a Problem,
     folder: Option<PathBuf>,
     fields: Vec<FieldName>,
-    reference: Vec<[f64; 3]>,
-    id: Vec<i64>,
+    // shared with the thread that writes
+    reference: Arc<[[f64; 3]]>,
+    id: Arc<[i64]>,
     edge: Vec<f64>,
     conditions: Vec<String>,
     history: Option<History>,
@@ -449,8 +450,8 @@ impl<'a> Recorder<'a> {
             problem,
             folder,
             fields,
-            reference,
-            id,
+            reference: reference.into(),
+            id: id.into(),
             edge,
             conditions,
             history,
@@ -682,22 +683,17 @@ impl<'a> Recorder<'a> {
             .filter(|f| !matches!(f, FieldName::Displacement | FieldName::Id))
             .map(|&f| Field::new(f.name(), values(f, model.field(f, t, u, v))))
             .collect();
-        let frame = Frame { time: t, step, displacement: displacement.clone(), fields };
+        self.frames += 1;
+        let pictures = self.pictures(model, t, u, v, &displacement, |m| matches!(m, Moment::All), Some(self.frames));
+        let frame = Frame { time: t, step, displacement, fields };
         let written = match &mut self.file {
             Some(file) => file.push(frame),
             None => {
                 let triangles = self.problem.surface.as_ref().map_or_else(Vec::new, |s| s.triangles.clone());
-                BackgroundFile::start(folder.join("fields.vtkhdf"), self.id.clone(), self.reference.clone(), triangles).and_then(
-                    |mut file| {
-                        let pushed = file.push(frame);
-                        self.file = Some(file);
-                        pushed
-                    },
-                )
+                let file = BackgroundFile::start(folder.join("fields.vtkhdf"), self.id.clone(), self.reference.clone(), triangles);
+                file.and_then(|file| self.file.insert(file).push(frame))
             }
         };
-        self.frames += 1;
-        let pictures = self.pictures(model, t, u, v, &displacement, |m| matches!(m, Moment::All), Some(self.frames));
         if let Err(e) = written.and(pictures) {
             self.failed = Some(e);
         }

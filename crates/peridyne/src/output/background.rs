@@ -4,6 +4,7 @@
 //! is what would have been written at once.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
@@ -45,7 +46,7 @@ impl BackgroundFile {
     ///
     /// # Errors
     /// [`OutputError::Io`] where no thread can be started.
-    pub fn start(path: PathBuf, id: Vec<i64>, reference: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self, OutputError> {
+    pub fn start(path: PathBuf, id: Arc<[i64]>, reference: Arc<[[f64; 3]]>, triangles: Vec<[u32; 3]>) -> Result<Self, OutputError> {
         let (sender, frames) = sync_channel::<Frame>(WAITING);
         let at = path.clone();
         let write = move || {
@@ -124,7 +125,7 @@ mod tests {
         let (beside, at_once) = (folder.path().join("beside.vtkhdf"), folder.path().join("at_once.vtkhdf"));
         let n = 500;
         let (id, reference): (Vec<i64>, Vec<[f64; 3]>) = ((0..n as i64).collect(), (0..n).map(|p| [p as f64, 0.0, 0.0]).collect());
-        let mut file = BackgroundFile::start(beside.clone(), id.clone(), reference.clone(), vec![]).unwrap();
+        let mut file = BackgroundFile::start(beside.clone(), id.clone().into(), reference.clone().into(), vec![]).unwrap();
         let frames: Vec<Frame> = (0..9).map(|step| frame(step, n)).collect();
         frames.iter().for_each(|f| file.push(f.clone()).unwrap());
         file.finish().unwrap();
@@ -137,7 +138,7 @@ mod tests {
     fn the_first_error_ends_it_and_comes_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("fields.vtkhdf");
-        let mut file = BackgroundFile::start(path, vec![0, 1], vec![[0.0; 3]; 2], vec![]).unwrap();
+        let mut file = BackgroundFile::start(path, [0, 1].into(), [[0.0; 3]; 2].into(), vec![]).unwrap();
         // a frame of another number of points is refused; the error comes with one of the next frames or at the end
         let pushed: Result<(), OutputError> =
             [2, 3, 2, 2, 2, 2].into_iter().enumerate().try_for_each(|(k, n)| file.push(frame(k as u64, n)));
