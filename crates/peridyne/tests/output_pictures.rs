@@ -97,6 +97,26 @@ fn two_values_show_the_two_ends_of_the_map_in_the_file() {
 }
 
 #[test]
+fn a_beam_keeps_its_thickness_where_it_turns() {
+    // a row of cells along x, stretched by a half and turned by the angle
+    for angle in [0.0f64, 0.7, 1.6, 2.5] {
+        let (sin, cos) = angle.sin_cos();
+        let reference: Vec<[f64; 3]> = (0..20).map(|i| [i as f64, 0.0, 0.0]).collect();
+        let displacement: Vec<[f64; 3]> = reference.iter().map(|x| [1.5 * cos * x[0] - x[0], 1.5 * sin * x[0], 0.0]).collect();
+        let options = Options { deformation: Deformation::Factor(1.0), range: Range::Fixed { min: 0.0, max: 1.0 }, ..Options::default() };
+        let picture = draw_plane(&reference, &displacement, 1.0, &[1.0; 20], &options);
+        let folder = tempfile::tempdir().unwrap();
+        picture.write(&folder.path().join("beam.png")).unwrap();
+        let image = Image::read(&folder.path().join("beam.png"));
+        for (along, across, inside) in [(14.2, 0.4, true), (14.9, -0.4, true), (14.2, 0.8, false), (14.2, -0.8, false)] {
+            let place = [along * cos - across * sin, along * sin + across * cos, 0.0];
+            let color = image.pixel(picture.locate(place).unwrap());
+            assert_eq!(color == HIGH, inside, "{angle} {place:?} {color:?}");
+        }
+    }
+}
+
+#[test]
 fn a_magnified_even_deformation_leaves_no_gap() {
     let reference = flat(grid(30, 30, 1, 1.0));
     // u = H x with a stretch of 60 % and a shear of 30 % after magnification.

@@ -421,7 +421,7 @@ fn deformed_halves(body: &Body<'_>, factor: f64, drawable: &[bool]) -> Vec<[[f64
                     ratios.push(ratio);
                 }
             }
-            let gradient = gradient(&near, &mut ratios, edge, dimension);
+            let gradient = gradient_along_curve(&near, dimension).unwrap_or_else(|| gradient(&near, &mut ratios, edge, dimension));
             std::array::from_fn(|k| {
                 let mut column = [0.0; 3];
                 for r in 0..3 {
@@ -431,6 +431,36 @@ fn deformed_halves(body: &Body<'_>, factor: f64, drawable: &[bool]) -> Vec<[[f64
             })
         })
         .collect()
+}
+
+/// In the plane, where all neighbours stand in line: a beam. Its cells turn with it, and keep their thickness.
+fn gradient_along_curve(near: &[([f64; 3], [f64; 3], f64)], dimension: usize) -> Option<[[f64; 3]; 3]> {
+    let sum = |f: &dyn Fn(&[f64; 3]) -> f64| near.iter().map(|(xi, _, _)| f(xi)).sum::<f64>();
+    let (xx, xy, yy) = (sum(&|x| x[0] * x[0]), sum(&|x| x[0] * x[1]), sum(&|x| x[1] * x[1]));
+    if dimension != 2 || near.is_empty() || xx * yy - xy * xy > 1e-3 * (xx + yy).powi(2) {
+        return None;
+    }
+    let (sin, cos) = (0.5 * (2.0 * xy).atan2(xx - yy)).sin_cos();
+    let (mut before, mut after) = (0.0, [0.0; 2]);
+    for (xi, eta, _) in near {
+        let along = xi[0] * cos + xi[1] * sin;
+        before += along.abs();
+        (0..2).for_each(|k| after[k] += along.signum() * (xi[k] + eta[k]));
+    }
+    let length = after[0].hypot(after[1]);
+    if !(length > 0.0 && before > 0.0) {
+        return None;
+    }
+    let (stretch, x, y) = (length / before, after[0] / length, after[1] / length);
+    // F = λ t ⊗ t₀ + n ⊗ n₀
+    let deformed = [[stretch * x * cos + y * sin, stretch * x * sin - y * cos], [stretch * y * cos - x * sin, stretch * y * sin + x * cos]];
+    let mut gradient = [[0.0; 3]; 3];
+    for k in 0..2 {
+        for l in 0..2 {
+            gradient[k][l] = deformed[k][l] - f64::from(u8::from(k == l));
+        }
+    }
+    Some(gradient)
 }
 
 /// The displacement gradient that fits the neighbours best: `(Σ w η ⊗ ξ)(Σ w ξ ⊗ ξ)⁻¹`.
