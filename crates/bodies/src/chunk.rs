@@ -68,8 +68,7 @@ pub(crate) const MOST_LOCAL: usize = 1 << 16;
 
 /// The arrays of one chunk. Local points: the `owned` ones first, then the halo (other points, and mirror images).
 ///
-/// On a lattice the arrays with an entry for each bond, and the rows of displacements, are made when something asks for them: see
-/// [`make_lists`](Self::make_lists).
+/// On a lattice the arrays with an entry for each bond, and the rows of displacements, are made when something asks for them (`make_lists`).
 pub struct Chunk<const D: usize> {
     /// First point (in sorted order) that the chunk owns.
     pub(crate) first: usize,
