@@ -3,7 +3,7 @@
 use super::*;
 
 /// Least steps between two rows of the history, where the deck does not say how many there are: a row costs about two steps, for the energies.
-const STEPS_PER_ROW: f64 = 80.0;
+const STEPS_PER_ROW: f64 = 120.0;
 
 /// How a motion ended.
 pub(super) struct Moved {

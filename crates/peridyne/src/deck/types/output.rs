@@ -18,7 +18,7 @@ section! {
         frames: Option<Count>,
         /// Time between frames; this or `frames`. Without both there are 20 frames.
         every: Option<Quantity<Time>> where POSITIVE,
-        /// Most rows of the history. Without this and `history_every` there are up to 1000; in motions by explicit steps at least 80 steps apart,
+        /// Most rows of the history. Without this and `history_every` there are up to 1000; in motions by explicit steps at least 120 steps apart,
         /// as energies take about the time of two steps.
         history: Option<Count>,
         /// Time between rows of the history.
