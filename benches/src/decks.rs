@@ -92,8 +92,17 @@ pub struct Block {
     pub seconds: (f64, f64),
 }
 
-/// The deck of a block of so many cells, glass, spacing 0.5 mm, free surfaces, stretched by its initial velocity.
-pub fn deck(model: &Model, cells: [usize; 3], steps: usize) -> String {
+/// What pushes a block, beside nothing.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Push {
+    /// Free surfaces.
+    Nothing,
+    /// A force that varies in space and time on every point, and a wall that half of the points touch.
+    LoadAndWall,
+}
+
+/// The deck of a block of so many cells, glass, spacing 0.5 mm, stretched by its initial velocity.
+pub fn deck(model: &Model, cells: [usize; 3], steps: usize, push: Push) -> String {
     let d = model.dimension;
     let low = vec!["-dx/2"; d].join(", ");
     let high = cells[..d].iter().map(|n| format!("{n}*dx - dx/2")).collect::<Vec<_>>().join(", ");
@@ -102,25 +111,42 @@ pub fn deck(model: &Model, cells: [usize; 3], steps: usize) -> String {
         2 => ("rectangle", "  plane: strain\n  thickness: 1 m\n"),
         _ => ("line", "  area: 1 m^2\n"),
     };
+    let wall = |first: &str| [first, "0", "0"][..d].join(", ");
+    let pushed = match push {
+        Push::Nothing => String::new(),
+        Push::LoadAndWall => format!(
+            "  - force_density: {{set: all, x: \"1e4*x*(1 + t)\"}}\n  - rigid_wall: {{normal: [{}], at: [{}], stiffness: 1e9 N/m^4}}\n",
+            wall("1"),
+            wall(&format!("{}*dx/2", cells[0]))
+        ),
+    };
     let corners = if d == 1 { format!("from: {low}, to: {high}") } else { format!("from: [{low}], to: [{high}]") };
     format!(
         "title: block\nparameters: {{dx: 0.5 mm, K: 14.9 GPa}}\nbody:\n  dimension: {d}\n{section}  points:\n    - {shape}: {{{corners}, spacing: dx}}\n  \
          horizon: {horizon}*dx\nmaterials:\n  glass:\n    density: 2200 kg/m^3\n    model: {model}\nconditions:\n  \
-         - initial_velocity: {{set: all, x: \"-1 + 2*x/({n}*dx)\"}}\nsolver:\n  velocity_verlet: {{steps: {steps}, step: 50 ns}}\n",
+         - initial_velocity: {{set: all, x: \"-1 + 2*x/({n}*dx)\"}}\n{pushed}solver:\n  velocity_verlet: {{steps: {steps}, step: 50 ns}}\n",
         horizon = horizon(d),
         model = model.model,
         n = cells[0],
     )
 }
 
-/// Builds the block of a model.
+/// Builds the block of a model, with free surfaces.
 ///
 /// # Panics
 /// With the program's own message, where it refuses the deck.
 pub fn block(model: &Model, cells: [usize; 3]) -> Block {
+    block_under(model, cells, Push::Nothing)
+}
+
+/// Builds the block of a model.
+///
+/// # Panics
+/// With the program's own message, where it refuses the deck.
+pub fn block_under(model: &Model, cells: [usize; 3], push: Push) -> Block {
     let clock = std::time::Instant::now();
     let refused = |e: peridyne::deck::DeckErrors| -> ! { panic!("{}, {} D: {e}", model.name, model.dimension) };
-    let deck = Deck::from_text(deck(model, cells, 1), Path::new("block.yaml"), &[], None).unwrap_or_else(|e| refused(e));
+    let deck = Deck::from_text(deck(model, cells, 1, push), Path::new("block.yaml"), &[], None).unwrap_or_else(|e| refused(e));
     let problem = Problem::new(deck).unwrap_or_else(|e| refused(e));
     let searched = clock.elapsed().as_secs_f64();
     let assembly = assemble(&problem).unwrap_or_else(|e| refused(e));

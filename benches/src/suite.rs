@@ -11,7 +11,7 @@
 mod decks;
 
 use bodies::structure::Simulated;
-use decks::{Block, MODELS, Model, STEP, block};
+use decks::{Block, MODELS, Model, Push, STEP, block, block_under};
 use physics::lanes::{Instructions, limit};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -53,7 +53,8 @@ fn main() {
     );
 
     let mut csv = String::from(
-        "kind,dimension,model,points,bonds,bytes_per_bond,cores,force_ns,force_ns_least,force_ns_most,step_ns,step_ns_least,step_ns_most,roofline_share\n",
+        "kind,dimension,model,points,bonds,bytes_per_bond,force_ns,force_ns_least,force_ns_most,step_ns,step_ns_least,step_ns_most,roofline_share,\
+         force_efficiency,step_efficiency\n",
     );
     let wanted = |m: &&Model| only.as_ref().is_none_or(|name| m.name.contains(name.as_str()));
     for dimension in [3, 2, 1] {
@@ -75,62 +76,48 @@ fn main() {
             decks::horizon(dimension)
         );
         println!(
-            "{:28}{:>7}{:>24}{:>24}{:>10}{:>9}{:>10}{:>12}{:>12}",
-            "", "bytes/", "force, 1 core", "explicit step, 1 core", "million", "beside", "roofline", "efficiency", "efficiency"
+            "{:28}{:>7}{:>24}{:>24}{:>10}{:>9}{:>10}",
+            "", "bytes/", "force, 1 core", "explicit step, 1 core", "million", "beside", "roofline"
         );
         println!(
-            "{:28}{:>7}{:>24}{:>24}{:>10}{:>9}{:>10}{:>12}{:>12}",
-            "model", "bond", "ns/bond [least, most]", "ns/bond [least, most]", "bonds/s", "first", "share", "force", "step"
+            "{:28}{:>7}{:>24}{:>24}{:>10}{:>9}{:>10}",
+            "model", "bond", "ns/bond [least, most]", "ns/bond [least, most]", "bonds/s", "first", "share"
         );
-        // [model][cores][round]
-        let mut force = vec![vec![vec![]; cores]; blocks.len()];
-        let mut step = force.clone();
+        let mut times: Vec<Times> = vec![Times::default(); blocks.len()];
         for _ in 0..rounds {
-            for (m, b) in blocks.iter_mut().enumerate() {
-                for (c, pool) in pools.iter().enumerate() {
-                    force[m][c].push(pool.install(|| time_force(b)));
-                    step[m][c].push(pool.install(|| time_step(b)));
-                }
+            for (b, times) in blocks.iter_mut().zip(&mut times) {
+                times.force.push(pools[0].install(|| time_force(b)));
+                times.step.push(pools[0].install(|| time_step(b)));
             }
         }
-        let plainest = median(&step[0][0]) / blocks[0].bonds as f64;
-        for (m, b) in blocks.iter().enumerate() {
+        let plainest = median(&times[0].step) / blocks[0].bonds as f64;
+        for ((b, model), times) in blocks.iter().zip(&models).zip(&times) {
+            let (force, step) = (&times.force, &times.step);
             let ns = |t: f64| t * 1e9 / b.bonds as f64;
             let bytes = b.bytes as f64 / b.bonds as f64;
-            let share = |c: usize| b.bytes as f64 / bandwidth[c] / median(&force[m][c]);
-            let efficiency = |t: &[Vec<f64>]| {
-                let ratios: Vec<f64> = t[0].iter().zip(&t[cores - 1]).map(|(one, all)| one / all / cores as f64).collect();
-                median(&ratios)
-            };
+            let share = b.bytes as f64 / bandwidth[0] / median(force);
             let cell = |t: &[f64]| format!("{:.2} [{:.2}, {:.2}]", ns(median(t)), ns(least(t)), ns(most(t)));
             println!(
-                "{:28}{bytes:>7.1}{:>24}{:>24}{:>10.0}{:>9.2}{:>9.0} %{:>12.2}{:>12.2}",
-                models[m].name,
-                cell(&force[m][0]),
-                cell(&step[m][0]),
-                1e3 / ns(median(&step[m][0])),
-                median(&step[m][0]) / b.bonds as f64 / plainest,
-                100.0 * share(0),
-                efficiency(&force[m]),
-                efficiency(&step[m]),
+                "{:28}{bytes:>7.1}{:>24}{:>24}{:>10.0}{:>9.2}{:>9.0} %",
+                model.name,
+                cell(force),
+                cell(step),
+                1e3 / ns(median(step)),
+                median(step) / b.bonds as f64 / plainest,
+                100.0 * share,
             );
-            for c in 0..cores {
-                let (f, s) = (&force[m][c], &step[m][c]);
-                let numbers = [median(f), least(f), most(f), median(s), least(s), most(s)].map(|t| format!("{:.4}", ns(t))).join(",");
-                let _ = writeln!(
-                    csv,
-                    "model,{dimension},{},{},{},{bytes:.2},{},{numbers},{:.4}",
-                    models[m].name.replace(',', ""),
-                    b.points,
-                    b.bonds,
-                    c + 1,
-                    share(c)
-                );
-            }
+            let numbers = [median(force), least(force), most(force), median(step), least(step), most(step)]
+                .map(|t| format!("{:.4}", ns(t)))
+                .join(",");
+            let name = model.name.replace(',', "");
+            let _ = writeln!(csv, "model,{dimension},{name},{},{},{bytes:.2},{numbers},{share:.4},,", b.points, b.bonds);
         }
         println!();
     }
 
+    if let [one, .., all] = pools.as_slice() {
+        two_cores(one, all, &wanted, (quick, has("--large")), &mut csv);
+    }
     println!(
         "Growth in space, one core: ns per directed bond of an explicit step (median of {} rounds), bytes per bond, set-up",
         rounds.min(3)
@@ -151,7 +138,7 @@ fn main() {
             println!("{:28}{:>12}{:>14}{ns:>10.2}{bytes:>10.1}{:>14.2} +{:>6.2}", model.name, b.points, b.bonds, b.seconds.0, b.seconds.1);
             let _ = writeln!(
                 csv,
-                "growth,3,{},{},{},{bytes:.2},1,,,,{ns:.4},{:.4},{:.4},",
+                "growth,3,{},{},{},{bytes:.2},,,,{ns:.4},{:.4},{:.4},,,",
                 model.name,
                 b.points,
                 b.bonds,
@@ -166,6 +153,78 @@ fn main() {
             Err(e) => println!("\n{path} could not be written: {e}"),
         }
     }
+}
+
+/// Seconds of force evaluations and explicit steps, by rounds.
+#[derive(Clone, Default)]
+struct Times {
+    force: Vec<f64>,
+    step: Vec<f64>,
+}
+
+/// What two cores are good for: one run on one core, the same on two, and two of them at once with a core each, in turns. The last tells what the
+/// machine gives to programs that have nothing to do with each other: its cores share memory and power, and virtual ones share cores.
+fn two_cores(one: &ThreadPool, all: &ThreadPool, wanted: &impl Fn(&&Model) -> bool, (quick, large): (bool, bool), csv: &mut String) {
+    let other = ThreadPoolBuilder::new().num_threads(1).build().expect("threads start");
+    let rounds = if quick { 5 } else { 9 };
+    println!(
+        "Two cores: the time of one core over twice that of two, median of {rounds} rounds [quartiles]; and beside two separate runs at once"
+    );
+    println!("{:28}{:>4}{:>10}{:>28}{:>28}{:>12}{:>12}", "", "", "", "force", "explicit step", "force", "step");
+    println!("{:28}{:>4}{:>10}{:>28}{:>28}{:>12}{:>12}", "model", "D", "points", "efficiency", "efficiency", "beside runs", "beside runs");
+    let small = |dimension: usize| if dimension == 3 { [50, 50, 40] } else { [400, 250, 1] };
+    let blocks = MODELS.iter().filter(|m| m.dimension > 1).filter(wanted).map(|m| (m, small(m.dimension), Push::Nothing));
+    let million = MODELS.iter().filter(|m| m.dimension == 3).take(3).filter(wanted).map(|m| (m, [100; 3], Push::Nothing));
+    let pushed = MODELS.iter().take(1).filter(wanted).map(|m| (m, small(m.dimension), Push::LoadAndWall));
+    let blocks = blocks.chain(pushed);
+    let blocks: Vec<_> = match (quick, large) {
+        (true, _) => blocks.map(|(m, _, push)| (m, [60, 60, if m.dimension == 3 { 12 } else { 1 }], push)).collect(),
+        (false, false) => blocks.collect(),
+        (false, true) => blocks.chain(million).collect(),
+    };
+    for (model, cells, push) in blocks {
+        let (mut a, mut b) = all.install(|| (block_under(model, cells, push), block_under(model, cells, push)));
+        let name = if push == Push::LoadAndWall { format!("{}, load and wall", model.name) } else { model.name.into() };
+        let mut ratios = [const { vec![] }; 4];
+        for _ in 0..rounds {
+            for (k, time) in [time_force, time_step].into_iter().enumerate() {
+                let alone = one.install(|| time(&mut a));
+                let shared = all.install(|| time(&mut a));
+                let (x, y) = std::thread::scope(|s| {
+                    let second = s.spawn(|| other.install(|| time(&mut b)));
+                    (one.install(|| time(&mut a)), second.join().expect("the block is sound"))
+                });
+                ratios[k].push(0.5 * alone / shared);
+                // two runs are made in this time, and in twice that of two cores
+                ratios[2 + k].push(0.25 * (x + y) / shared);
+            }
+        }
+        let quartiles = |t: &[f64]| {
+            let t = sorted(t);
+            format!("{:.2} [{:.2}, {:.2}]", t[t.len() / 2], t[t.len() / 4], t[t.len() * 3 / 4])
+        };
+        println!(
+            "{:28}{:>4}{:>10}{:>28}{:>28}{:>12.2}{:>12.2}",
+            name,
+            model.dimension,
+            a.points,
+            quartiles(&ratios[0]),
+            quartiles(&ratios[1]),
+            median(&ratios[2]),
+            median(&ratios[3])
+        );
+        let name = name.replace(',', "");
+        let _ = writeln!(
+            csv,
+            "two cores,{},{name},{},{},,,,,,,,,{:.4},{:.4}",
+            model.dimension,
+            a.points,
+            a.bonds,
+            median(&ratios[0]),
+            median(&ratios[1])
+        );
+    }
+    println!();
 }
 
 /// Seconds of one force evaluation, the mean of a few.

@@ -6,7 +6,7 @@ mod counting;
 mod decks;
 
 use bodies::structure::Simulated;
-use decks::{MODELS, STEP, block};
+use decks::{MODELS, Push, STEP, block_under};
 use solvers::observe::{Observer, StepReport};
 use solvers::problem::Dynamics;
 use solvers::velocity_verlet::{Motion, VelocityVerlet};
@@ -34,9 +34,10 @@ fn hot_loops_do_not_allocate() {
     // this thread does all the work, so that its count is the whole
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();
     pool.install(|| {
-        for model in MODELS {
+        let pushed = MODELS.iter().filter(|m| m.name == "bond-based").map(|m| (m, Push::LoadAndWall));
+        for (model, push) in MODELS.iter().map(|m| (m, Push::Nothing)).chain(pushed) {
             let cells = [[600, 1, 1], [30, 20, 1], [9, 8, 8]][model.dimension - 1];
-            let mut b = block(model, cells);
+            let mut b = block_under(model, cells, push);
             let mut f = vec![0.0; b.u.len()];
             Dynamics::force(&mut *b.model, 0.0, &b.u, &b.v, &mut f).unwrap();
             let before = counting::calls();

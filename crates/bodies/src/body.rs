@@ -251,20 +251,21 @@ impl<const D: usize> Body<D> {
         on as f64 / self.points.max(1) as f64
     }
 
-    /// Sets time, and the temperature change of every point (sorted order) where there is one.
-    pub fn set_time(&mut self, t: f64, temperature: Option<&(dyn Fn(usize) -> f64 + Sync)>) {
-        self.chunks.par_iter_mut().for_each(|c| {
-            c.time = t;
-            if let Some(f) = temperature {
+    /// Sets time, and the temperature change at a reference position where there is one.
+    pub fn set_time(&mut self, t: f64, temperature: Option<&(dyn Fn([f64; 3]) -> f64 + Sync)>) {
+        self.chunks.iter_mut().for_each(|c| c.time = t);
+        if let Some(change) = temperature {
+            let position = &self.position;
+            self.chunks.par_iter_mut().with_max_len(1).for_each(|c| {
                 c.temperature.clear();
-                c.temperature.extend(c.points[..c.owned].iter().map(|&p| f(p as usize)));
-            }
-        });
+                c.temperature.extend(position[c.first..c.first + c.owned].iter().map(|&x| change(x)));
+            });
+        }
     }
 
     /// Hands displacements (and velocities, where a material looks at them) to the chunks, for what looks at single families after it.
     pub fn forward(&mut self, u: &[f64], v: Option<&[f64]>) {
-        self.chunks.par_iter_mut().for_each(|c| {
+        self.chunks.par_iter_mut().with_max_len(1).for_each(|c| {
             c.make_lists();
             c.forward(u, v);
         });
@@ -272,13 +273,24 @@ impl<const D: usize> Body<D> {
 
     /// Internal forces \[N\] at displacements `u` (and velocities `v`), overwriting `force`.
     pub fn internal_force(&mut self, u: &[f64], v: Option<&[f64]>, force: &mut [f64]) {
-        self.internal_force_watching(u, v, None, force);
+        self.internal_force_watching(u, v, None, f64::INFINITY, force);
     }
 
     /// The same, where bonds are to be looked at that come near their critical stretch (per point), for
-    /// [`exceeding_at_force`](Self::exceeding_at_force).
-    pub fn internal_force_watching(&mut self, u: &[f64], v: Option<&[f64]>, critical: Option<&[f64]>, force: &mut [f64]) {
-        self.forces(force, |parts, k, c, scratch, out| {
+    /// [`exceeding_at_force`](Self::exceeding_at_force). Whether no displacement is beyond `limit`, and all forces are finite.
+    pub fn internal_force_watching(
+        &mut self,
+        u: &[f64],
+        v: Option<&[f64]>,
+        critical: Option<&[f64]>,
+        limit: f64,
+        force: &mut [f64],
+    ) -> bool {
+        let within = |first: usize, force: &[f64]| {
+            let sound = |u: f64, f: f64| (u.abs() <= limit) & (f.abs() < f64::INFINITY);
+            u[first..].iter().zip(force).fold(true, |all, (u, f)| all & sound(*u, *f))
+        };
+        self.forces(force, within, |parts, k, c, scratch, out| {
             c.stretched.clear();
             if !on_lattice(parts, k, c) {
                 c.make_lists();
@@ -310,47 +322,59 @@ impl<const D: usize> Body<D> {
             lattice.take_force(c.owned, &scratch.force, c.halo_force());
             c.lattice = Some(lattice);
             c.note_stretched(&scratch.displacement, &scratch.stretched);
-        });
+        })
     }
 
     /// Sums what the chunks compute for their own points and, in the order of the chunks, for each other's: `f` computes the force on the
-    /// chunk's own points, and keeps that on its halo.
-    fn forces(&mut self, force: &mut [f64], f: impl Fn(&[Box<dyn Part<D>>], usize, &mut Chunk<D>, &mut Scratch, &mut [f64]) + Sync) {
+    /// chunk's own points, and keeps that on its halo. Whether all sums are `sound`, given with their first dof.
+    fn forces(
+        &mut self,
+        force: &mut [f64],
+        sound: impl Fn(usize, &[f64]) -> bool + Sync,
+        f: impl Fn(&[Box<dyn Part<D>>], usize, &mut Chunk<D>, &mut Scratch, &mut [f64]) + Sync,
+    ) -> bool {
         self.spaces.ready();
         let (parts, spaces, words) = (&self.parts, &self.spaces, self.chunk_points * D);
-        force.par_chunks_mut(words).zip(&mut self.chunks).enumerate().for_each(|(k, (out, c))| {
+        // chunk by chunk, or a thread that others interrupt would keep chunks that another has time for
+        force.par_chunks_mut(words).zip(&mut self.chunks).enumerate().with_max_len(1).for_each(|(k, (out, c))| {
             f(parts, k, c, &mut spaces.own(), out);
         });
         let chunks = &self.chunks;
-        force.par_chunks_mut(words).zip(&self.inflow).for_each(|(out, inflow)| {
+        let sums = force.par_chunks_mut(words).zip(&self.inflow).enumerate().with_max_len(1).map(|(k, (out, inflow))| {
             for flow in inflow {
                 flow.add::<D>(out, &chunks[flow.source as usize].halo_force);
             }
+            sound(k * words, out)
         });
+        sums.reduce(|| true, |a, b| a & b)
     }
 
     /// `K x` with `K = −∂f/∂u` of the internal forces, exact.
     pub fn tangent_product(&mut self, u: &[f64], v: Option<&[f64]>, x: &[f64], out: &mut [f64]) {
-        self.forces(out, |parts, k, c, scratch, out| {
-            let product = |c: &Chunk<D>, Scratch { dual_displacement: duals, dual_force: rows, .. }: &mut Scratch| {
-                rows.clear();
-                rows.resize(c.points.len() * ROW, Dual::of(0.0));
-                duals.resize(c.points.len() * ROW, Dual::of(0.0));
-                Chunk::<D>::fill_rows(&c.points, &c.flips, duals, |q| Dual { value: u[q], slope: [x[q]] });
-                let view = c.view(duals);
-                for part in parts {
-                    part.add_force_dual(k, &view, rows);
+        self.forces(
+            out,
+            |_, _| true,
+            |parts, k, c, scratch, out| {
+                let product = |c: &Chunk<D>, Scratch { dual_displacement: duals, dual_force: rows, .. }: &mut Scratch| {
+                    rows.clear();
+                    rows.resize(c.points.len() * ROW, Dual::of(0.0));
+                    duals.resize(c.points.len() * ROW, Dual::of(0.0));
+                    Chunk::<D>::fill_rows(&c.points, &c.flips, duals, |q| Dual { value: u[q], slope: [x[q]] });
+                    let view = c.view(duals);
+                    for part in parts {
+                        part.add_force_dual(k, &view, rows);
+                    }
+                };
+                c.listed(u, v, |c| product(c, scratch));
+                for (f, row) in out.chunks_exact_mut(D).zip(scratch.dual_force.chunks_exact(ROW)) {
+                    (0..D).for_each(|k| f[k] = -row[k].slope[0]);
                 }
-            };
-            c.listed(u, v, |c| product(c, scratch));
-            for (f, row) in out.chunks_exact_mut(D).zip(scratch.dual_force.chunks_exact(ROW)) {
-                (0..D).for_each(|k| f[k] = -row[k].slope[0]);
-            }
-            let owned = c.owned;
-            for (f, row) in c.halo_force().chunks_exact_mut(D).zip(scratch.dual_force[owned * ROW..].chunks_exact(ROW)) {
-                (0..D).for_each(|k| f[k] = -row[k].slope[0]);
-            }
-        });
+                let owned = c.owned;
+                for (f, row) in c.halo_force().chunks_exact_mut(D).zip(scratch.dual_force[owned * ROW..].chunks_exact(ROW)) {
+                    (0..D).for_each(|k| f[k] = -row[k].slope[0]);
+                }
+            },
+        );
     }
 
     /// Gives back the memory of [`tangent_product`](Self::tangent_product), which takes it anew.
@@ -384,7 +408,7 @@ impl<const D: usize> Body<D> {
     /// Fills one entry per point from a computation per chunk.
     fn per_point<T: Send + Sync + Clone>(&self, nothing: T, f: impl Fn(usize, &Chunk<D>, &mut [T]) + Sync) -> Vec<T> {
         let mut out = vec![nothing; self.points];
-        out.par_chunks_mut(self.chunk_points).zip(&self.chunks).enumerate().for_each(|(k, (out, c))| f(k, c, out));
+        out.par_chunks_mut(self.chunk_points).zip(&self.chunks).enumerate().with_max_len(1).for_each(|(k, (out, c))| f(k, c, out));
         out
     }
 
@@ -397,7 +421,7 @@ impl<const D: usize> Body<D> {
         f: impl Fn(&[Box<dyn Part<D>>], usize, &Chunk<D>, &mut [T]) + Sync,
     ) -> Vec<T> {
         let (mut out, parts) = (vec![nothing; self.points], &self.parts);
-        let chunks = self.chunks.par_iter_mut().enumerate();
+        let chunks = self.chunks.par_iter_mut().enumerate().with_max_len(1);
         out.par_chunks_mut(self.chunk_points).zip(chunks).for_each(|(out, (k, c))| c.listed(u, v, |c| f(parts, k, c, out)));
         out
     }
@@ -514,7 +538,8 @@ impl<const D: usize> Body<D> {
             }
             a
         };
-        let each: Vec<Approach> = self.chunks.par_iter_mut().enumerate().map(|(k, c)| c.listed(u, None, |c| approach(k, c))).collect();
+        let each: Vec<Approach> =
+            self.chunks.par_iter_mut().enumerate().with_max_len(1).map(|(k, c)| c.listed(u, None, |c| approach(k, c))).collect();
         each.into_iter().fold(none, |a, b| {
             let closest = if b.ratio < a.ratio || b.ratio.is_nan() { b } else { a };
             Approach { time: a.time.min(b.time), gap: a.gap.min(b.gap), ..closest }
@@ -571,7 +596,7 @@ impl<const D: usize> Body<D> {
         }
         self.forward(u, v);
         let parts = &self.parts;
-        self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
+        self.chunks.par_iter_mut().enumerate().with_max_len(1).for_each(|(k, c)| {
             for part in parts {
                 part.commit(k, c);
             }

@@ -60,7 +60,7 @@ impl<const D: usize> Body<D> {
             Criterion::CriticalStretch(critical) => {
                 self.spaces.ready();
                 let (parts, spaces) = (&self.parts, &self.spaces);
-                self.chunks.par_iter_mut().enumerate().for_each(|(k, c)| {
+                self.chunks.par_iter_mut().enumerate().with_max_len(1).for_each(|(k, c)| {
                     if let (true, Some(lattice)) = (on_lattice(parts, k, c), &c.lattice) {
                         let planes = &mut spaces.own().displacement;
                         let planes = planes.at_least(lattice.words());
@@ -80,6 +80,7 @@ impl<const D: usize> Body<D> {
                     .chunks
                     .par_iter()
                     .enumerate()
+                    .with_max_len(1)
                     .map(|(k, c)| {
                         let mut out = vec![0.0; c.slot_count()];
                         let (view, mut family) = (c.configuration(), vec![]);
@@ -136,6 +137,7 @@ impl<const D: usize> Body<D> {
             .chunks
             .par_iter()
             .enumerate()
+            .with_max_len(1)
             .map(|(k, c)| {
                 let mut list = vec![];
                 measure(k, c, &mut |i, slot, value| {
@@ -275,6 +277,7 @@ impl<const D: usize> Body<D> {
             .chunks
             .par_iter()
             .enumerate()
+            .with_max_len(1)
             .map(|(k, c)| {
                 let mut list = vec![];
                 for i in 0..c.owned {

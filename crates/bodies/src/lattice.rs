@@ -5,6 +5,7 @@
 //! each group and bond of the stencil says which of the points have the bond; breaking a bond clears its bit.
 
 use crate::chunk::{Chunk, Rows};
+use crate::places::{EXACT, Places};
 use physics::family::{Configuration, Family, Lattice, StencilBond, Undeformed};
 use physics::lanes::{Abreast, GroupKernel, WIDTH, widest_abreast};
 use physics::scalar::{ROW, VOLUME_WORD};
@@ -14,8 +15,6 @@ use std::collections::HashMap;
 /// Share of the box that must be filled, and of the lanes of the groups' bonds that must be bonds. Empty cells cost memory and little else.
 const FILLED: f64 = 1.0 / 16.0;
 const BUSY: f64 = 0.4;
-/// Relative deviation from a lattice, of weights and, beyond the round-off of coordinates, of bonds.
-const EXACT: f64 = 1e-12;
 /// No point.
 pub(crate) const NOBODY: u32 = u32::MAX;
 
@@ -565,7 +564,7 @@ impl<const D: usize> Numbers<D> {
         let mut spacing = [0.0; D];
         for k in 0..D {
             let (low, high) = (0..n).fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), l| (a.min(x(l, k)), b.max(x(l, k))));
-            let round_off = 16.0 * f64::EPSILON * low.abs().max(high.abs());
+            let round_off = Places::round_off(low, high);
             if !(high - low).is_finite() {
                 return None;
             }
@@ -580,25 +579,10 @@ impl<const D: usize> Numbers<D> {
                     }
                 }
             }
-            if step == f64::INFINITY {
-                // all in a plane
-                if high - low > round_off {
-                    return None;
-                }
-                continue;
-            }
-            let steps = ((high - low) / step).round();
-            if steps > f64::from(i32::MAX) {
-                return None;
-            }
-            let h = if steps > 0.0 { (high - low) / steps } else { step };
-            spacing[k] = h;
+            let places = Places::between(low, high, step)?;
+            spacing[k] = places.spacing;
             for l in 0..n {
-                let number = ((x(l, k) - low) / h).round();
-                if (x(l, k) - (low + number * h)).abs() > round_off + EXACT * h {
-                    return None;
-                }
-                of_point[l][k] = number as i64;
+                of_point[l][k] = places.number(x(l, k))? as i64;
             }
         }
         Some(Numbers { spacing, of_point })

@@ -5,9 +5,8 @@
 
 use crate::cells::bounds;
 use crate::neighbors::MARGIN;
+use crate::places::Places;
 
-/// Relative deviation from a lattice, beyond the round-off of coordinates.
-const EXACT: f64 = 1e-12;
 /// Distances so near to the radius, relative to it, are left to the general search.
 const UNCERTAIN: f64 = 1e-10;
 /// No point.
@@ -33,23 +32,15 @@ impl LatticeFamilies {
             return None;
         }
         let radius = delta * (1.0 + MARGIN) + rounding;
-        let (mut low, mut spacing, mut extent) = ([0.0; 3], [1.0; 3], [1usize; 3]);
+        let mut places = [Places::between(0.0, 0.0, 1.0)?; 3];
         for k in 0..dimension {
             let (least, most) = bounds(position, k);
-            let round_off = 16.0 * f64::EPSILON * least.abs().max(most.abs());
-            low[k] = least;
-            if most - least <= round_off {
-                continue;
-            }
+            let round_off = Places::round_off(least, most);
             // rows follow one another: the shortest way along the axis from a point to the next
             let step = position.windows(2).map(|w| (w[1][k] - w[0][k]).abs()).filter(|d| *d > round_off).fold(f64::INFINITY, f64::min);
-            let steps = ((most - least) / step).round();
-            if !(1.0..=f64::from(1 << 30)).contains(&steps) || round_off > 1e-6 * step {
-                return None;
-            }
-            spacing[k] = (most - least) / steps;
-            extent[k] = steps as usize + 1;
+            places[k] = Places::between(least, most, step)?;
         }
+        let (extent, spacing) = (places.map(|p| p.count), places.map(|p| p.spacing));
         let reach: [usize; 3] = std::array::from_fn(|k| if extent[k] > 1 { (radius / spacing[k]).floor() as usize } else { 0 });
         let boxed = extent.iter().try_fold(1usize, |all, &e| all.checked_mul(e))?;
         let padded: [usize; 3] = std::array::from_fn(|k| extent[k] + 2 * reach[k]);
@@ -62,12 +53,7 @@ impl LatticeFamilies {
         for (p, x) in position.iter().enumerate() {
             let mut cell = 0;
             for k in 0..dimension {
-                let number = ((x[k] - low[k]) / spacing[k]).round();
-                let deviation = (x[k] - (low[k] + number * spacing[k])).abs();
-                if deviation > EXACT * spacing[k] + 16.0 * f64::EPSILON * low[k].abs().max(x[k].abs()) {
-                    return None;
-                }
-                cell += (number as usize + reach[k]) * stride[k];
+                cell += (places[k].number(x[k])? + reach[k]) * stride[k];
             }
             // two points in one place
             if std::mem::replace(&mut families.table[cell], p as u32) != NOBODY {

@@ -16,6 +16,7 @@ pub mod measures;
 pub mod neighbors;
 mod orientation;
 pub mod part;
+mod places;
 pub mod points;
 pub mod region;
 pub mod scratch;

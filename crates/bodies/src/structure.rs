@@ -3,7 +3,7 @@
 use crate::body::{Body, StiffnessScratch, ordered_sum};
 use crate::damage::{BreakingEnergy, Broken, Criterion, DamageState};
 use crate::inclined::{Support, squared_reactions};
-use crate::loads::{Condition, Field, Kind, add_external, add_walls, each_contact};
+use crate::loads::{Condition, Field, Kind, Outside, add_external, add_walls, each_contact};
 use rayon::prelude::*;
 use solvers::problem::{Dynamics, Statics, Stop};
 use solvers::sparse::{BlockMatrix, BlockPattern, FamilyList};
@@ -100,13 +100,13 @@ pub struct Structure<const D: usize> {
     work: Work,
     work_open: bool,
     scratch: Vec<f64>,
-    /// The dofs of the points of all conditions, in order; what acts on them from outside, walls excepted, at the last evaluation; and the
-    /// same with walls in an entry per dof.
+    /// The points of all conditions, ascending, and what acts on their dofs from outside, walls excepted, at the last evaluation.
     driven: Vec<u32>,
     driving: Vec<f64>,
-    external: Vec<f64>,
     /// Whether the last force evaluation, at the state that is accepted next, looked for stretched bonds.
     watched: bool,
+    /// Whether at the last force evaluation displacements were within bounds, and forces finite.
+    sound: bool,
     /// Damage counters of the whole run.
     pub broken: Broken,
     /// Energy that the bonds that broke held when they did.
@@ -146,7 +146,7 @@ impl<const D: usize> Structure<D> {
     pub fn new(
         body: Body<D>,
         parts: Parts,
-        conditions: Vec<Condition>,
+        mut conditions: Vec<Condition>,
         temperature: Option<Temperature>,
         failure: Vec<Failure>,
         duration: f64,
@@ -160,6 +160,7 @@ impl<const D: usize> Structure<D> {
             })
             .sum::<f64>()
             .sqrt();
+        conditions.iter_mut().for_each(Condition::sort_points);
         let mut prescribed = vec![];
         let mut fixed = vec![false; n * D];
         let supports = Support::<D>::all(&conditions);
@@ -175,8 +176,7 @@ impl<const D: usize> Structure<D> {
                 }
             }
         }
-        let mut driven: Vec<u32> =
-            conditions.iter().flat_map(|c| &c.points).flat_map(|&p| (0..D as u32).map(move |k| p * D as u32 + k)).collect();
+        let mut driven: Vec<u32> = conditions.iter().flat_map(|c| &c.points).copied().collect();
         driven.sort_unstable();
         driven.dedup();
         Structure {
@@ -201,13 +201,13 @@ impl<const D: usize> Structure<D> {
             pattern: None,
             saved: DamageState::default(),
             saved_work: None,
-            work: Work { done: 0.0, begun: false, u: vec![0.0; driven.len()], force: vec![0.0; driven.len()] },
+            work: Work { done: 0.0, begun: false, u: vec![0.0; driven.len() * D], force: vec![0.0; driven.len() * D] },
             work_open: true,
             scratch: vec![],
-            driving: vec![0.0; driven.len()],
-            external: vec![0.0; n * D],
+            driving: vec![0.0; driven.len() * D],
             driven,
             watched: false,
+            sound: false,
             broken: Broken::default(),
             broken_energy: 0.0,
             breaking: BreakingEnergy::default(),
@@ -254,8 +254,7 @@ impl<const D: usize> Structure<D> {
         }
         match &self.temperature {
             Some(temperature) => {
-                let position = self.body.position().to_vec();
-                let change = |p: usize| (temperature.field)(position[p], t) - temperature.reference;
+                let change = |x: [f64; 3]| (temperature.field)(x, t) - temperature.reference;
                 self.body.set_time(t, Some(&change));
             }
             None => self.body.set_time(t, None),
@@ -277,15 +276,14 @@ impl<const D: usize> Structure<D> {
             _ => None,
         };
         self.watched = critical.is_some();
-        self.body.internal_force_watching(u, v, critical, f);
+        let limit = RUNAWAY * self.size;
+        self.sound = self.body.internal_force_watching(u, v, critical, limit, f);
         self.evaluations.0 += 1;
-        let (driven, external) = (&self.driven, &mut self.external);
-        driven.iter().for_each(|&q| external[q as usize] = 0.0);
-        add_external::<D>(&self.conditions, self.body.position(), self.body.volume(), t, external);
-        self.driving.iter_mut().zip(driven).for_each(|(d, &q)| *d = external[q as usize]);
-        add_walls::<D>(&self.conditions, self.body.position(), u, t, external);
-        driven.iter().for_each(|&q| f[q as usize] += external[q as usize]);
-        ordered_sum(driven.len(), |k| external[driven[k] as usize].powi(2)).sqrt()
+        let (position, volume) = (self.body.position(), self.body.volume());
+        let outside = Outside { conditions: &self.conditions, position, volume, u, t };
+        let added = outside.add::<D>(&self.driven, 0, f, &mut self.driving);
+        self.sound &= added.finite;
+        added.squares.sqrt()
     }
 
     /// Norm of the internal forces of the undeformed body at the temperatures of time `t`, 0 where there are none.
@@ -331,18 +329,14 @@ impl<const D: usize> Structure<D> {
         done
     }
 
-    /// The first thing wrong with a state: not a number, or runaway.
+    /// The first thing wrong with the state of the last force evaluation: not a number, or runaway.
     fn check(&mut self, t: f64, u: &[f64], f: &[f64]) -> Result<(), Stop> {
+        if self.sound {
+            return Ok(());
+        }
         let limit = RUNAWAY * self.size;
         // written so that what is not a number is wrong
         let wrong = |q: usize| !(u[q].abs() <= limit && f[q].abs() < f64::INFINITY);
-        const BLOCK: usize = 16_384;
-        let any = (0..u.len().div_ceil(BLOCK))
-            .into_par_iter()
-            .any(|b| (b * BLOCK..u.len().min((b + 1) * BLOCK)).fold(false, |any, q| any | wrong(q)));
-        if !any {
-            return Ok(());
-        }
         let Some(dof) = (0..u.len()).find(|&q| wrong(q)) else { return Ok(()) };
         let p = dof / D;
         let x = self.body.position()[p];
@@ -379,13 +373,12 @@ impl<const D: usize> Structure<D> {
                     out.iter_mut().zip(share).for_each(|(out, share)| *out -= share);
                 }
             }
-            Kind::RigidWall(_) => each_contact::<D>(&self.conditions, self.body.position(), u, t, |n, _, wall, stiffness, depth| {
-                if n == condition {
-                    for k in 0..D {
-                        out[k] += stiffness * depth * wall.normal[k];
-                    }
-                }
-            }),
+            Kind::RigidWall(_) => {
+                let only = &self.conditions[condition..=condition];
+                each_contact::<D>(only, self.body.position(), u, t, |_, wall, stiffness, depth| {
+                    (0..D).for_each(|k| out[k] += stiffness * depth * wall.normal[k]);
+                });
+            }
             Kind::ForceDensity | Kind::Traction { .. } => {
                 let mut f = vec![0.0; u.len()];
                 add_external::<D>(&self.conditions[condition..=condition], self.body.position(), self.body.volume(), t, &mut f);
@@ -434,25 +427,40 @@ impl<const D: usize> Structure<D> {
     fn add_work(&mut self, u: &[f64], force: &[f64]) {
         let mut driving = std::mem::take(&mut self.driving);
         for &(dof, _) in &self.prescribed {
-            let place = self.driven.binary_search(&dof).expect("points of conditions are driven");
-            driving[place] -= force[dof as usize];
+            driving[self.driven_place(dof as usize / D) + dof as usize % D] -= force[dof as usize];
         }
         for s in &self.supports {
-            let place = self.driven.binary_search(&((s.point * D) as u32)).expect("points of conditions are driven");
+            let place = self.driven_place(s.point);
             let part = s.prescribed_part(&force[s.point * D..][..D]);
-            // the dofs of a point stand together
             driving[place..place + D].iter_mut().zip(part).for_each(|(d, part)| *d -= part);
         }
         let (work, driven) = (&mut self.work, &self.driven);
-        if !std::mem::replace(&mut work.begun, true) && !self.statics {
-            // what is prescribed at the start of a motion is its initial state, not work
-            work.u.iter_mut().zip(driven).for_each(|(w, &q)| *w = u[q as usize]);
-            self.driving = std::mem::replace(&mut work.force, driving);
-            return;
+        // what is prescribed at the start of a motion is its initial state, not work
+        let at_start = !std::mem::replace(&mut work.begun, true) && !self.statics;
+        /// Most blocks: their sums live on the stack.
+        const MOST: usize = 256;
+        let block = driven.len().div_ceil(MOST).max(1024);
+        let mut sums = [0.0; MOST];
+        let sums = &mut sums[..driven.len().div_ceil(block)];
+        let forces = driving.par_chunks(block * D).zip(work.force.par_chunks(block * D));
+        let blocks = driven.par_chunks(block).zip(work.u.par_chunks_mut(block * D)).zip(forces).zip(sums.par_iter_mut());
+        blocks.with_max_len(1).for_each(|(((points, before), (new, old)), sum)| {
+            for (j, &p) in points.iter().enumerate() {
+                for (q, &now) in (j * D..).zip(&u[p as usize * D..][..D]) {
+                    *sum += 0.5 * (new[q] + old[q]) * (now - before[q]);
+                    before[q] = now;
+                }
+            }
+        });
+        if !at_start {
+            work.done += sums.iter().sum::<f64>();
         }
-        work.done += ordered_sum(driven.len(), |k| 0.5 * (driving[k] + work.force[k]) * (u[driven[k] as usize] - work.u[k]));
-        work.u.iter_mut().zip(driven).for_each(|(w, &q)| *w = u[q as usize]);
         self.driving = std::mem::replace(&mut work.force, driving);
+    }
+
+    /// Place of the dofs of a point of a condition among those of all driven points.
+    fn driven_place(&self, point: usize) -> usize {
+        self.driven.binary_search(&(point as u32)).expect("points of conditions are driven") * D
     }
 
     /// Breaks what exceeds its threshold: everything, or what comes close to the worst (see [`Failure::batch`]).
@@ -715,9 +723,7 @@ impl<const D: usize> Statics for Structure<D> {
             self.body.tangent_product(u, None, x, y);
         }
         self.evaluations.1 += 1;
-        each_contact::<D>(&self.conditions, self.body.position(), u, t, |_, p, wall, stiffness, _| {
-            add_along::<D>(wall, stiffness, p, x, y)
-        });
+        each_contact::<D>(&self.conditions, self.body.position(), u, t, |p, wall, stiffness, _| add_along::<D>(wall, stiffness, p, x, y));
         Ok(())
     }
     fn pattern(&mut self) -> Option<Arc<BlockPattern>> {
@@ -742,7 +748,7 @@ impl<const D: usize> Statics for Structure<D> {
             body.family_stiffness(scratch, k, dense);
             Ok::<(), Stop>(())
         })?;
-        each_contact::<D>(&self.conditions, self.body.position(), u, t, |_, p, wall, stiffness, _| {
+        each_contact::<D>(&self.conditions, self.body.position(), u, t, |p, wall, stiffness, _| {
             let block: Vec<f64> = (0..D * D).map(|q| stiffness * wall.normal[q / D] * wall.normal[q % D]).collect();
             let added = matrix.add_block(p, p, &block);
             debug_assert!(added, "the pattern has every diagonal block");
@@ -752,7 +758,7 @@ impl<const D: usize> Statics for Structure<D> {
     fn block_diagonal(&mut self, t: f64, u: &[f64], blocks: &mut [f64]) -> Result<(), Stop> {
         self.at_time(t);
         self.body.block_diagonal(u, blocks);
-        each_contact::<D>(&self.conditions, self.body.position(), u, t, |_, p, wall, stiffness, _| {
+        each_contact::<D>(&self.conditions, self.body.position(), u, t, |p, wall, stiffness, _| {
             for q in 0..D * D {
                 blocks[p * D * D + q] += stiffness * wall.normal[q / D] * wall.normal[q % D];
             }

@@ -149,7 +149,7 @@ fn worst<const D: usize>(case: &Case<D>, parts: Parts<D>) -> f64 {
                 for body in [&mut abreast, &mut lists] {
                     found.push(body.exceeding(&u, None, &by_stretch));
                     // in passing, while forces are evaluated
-                    body.internal_force_watching(&u, None, Some(&threshold), &mut f);
+                    body.internal_force_watching(&u, None, Some(&threshold), f64::INFINITY, &mut f);
                     found.push(body.exceeding_at_force(&threshold));
                 }
                 for other in &found[1..] {

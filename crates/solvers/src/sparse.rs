@@ -546,6 +546,7 @@ impl BlockMatrix {
         let parts: Vec<Vec<f64>> = pattern
             .ranges()
             .par_iter()
+            .with_max_len(1)
             .map(|range| {
                 let first = range.columns.start;
                 let mut sums = vec![0.0; (range.last_row - first) * d];
@@ -578,7 +579,7 @@ impl BlockMatrix {
             })
             .collect();
         const POINTS: usize = 1024;
-        y.par_chunks_mut(POINTS * d).enumerate().for_each(|(k, y)| {
+        y.par_chunks_mut(POINTS * d).enumerate().with_max_len(1).for_each(|(k, y)| {
             y.fill(0.0);
             let (low, high) = (k * POINTS, k * POINTS + y.len() / d);
             for (range, sums) in pattern.ranges().iter().zip(&parts) {

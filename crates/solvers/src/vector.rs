@@ -21,7 +21,7 @@ fn reduce(length: usize, term: impl Fn(std::ops::Range<usize>) -> f64 + Sync) ->
     if length < PARALLEL_FROM {
         sums[..count].iter_mut().enumerate().for_each(one);
     } else {
-        sums[..count].par_iter_mut().enumerate().for_each(one);
+        sums[..count].par_iter_mut().enumerate().with_max_len(1).for_each(one);
     }
     sums[..count].iter().sum()
 }

@@ -317,7 +317,7 @@ const GRAIN: usize = 16_384;
 
 /// `v += dt M⁻¹ f`
 fn kick(v: &mut [f64], dt: f64, force: &[f64], inverse_mass: &[f64]) {
-    v.par_chunks_mut(GRAIN).zip(force.par_chunks(GRAIN)).zip(inverse_mass.par_chunks(GRAIN)).for_each(|((v, f), w)| {
+    v.par_chunks_mut(GRAIN).zip(force.par_chunks(GRAIN)).zip(inverse_mass.par_chunks(GRAIN)).with_max_len(1).for_each(|((v, f), w)| {
         for ((v, f), w) in v.iter_mut().zip(f).zip(w) {
             *v += dt * f * w;
         }
@@ -327,7 +327,7 @@ fn kick(v: &mut [f64], dt: f64, force: &[f64], inverse_mass: &[f64]) {
 /// `v += dt/2 M⁻¹ f; u += dt v`, in one go through memory.
 fn kick_and_move(v: &mut [f64], u: &mut [f64], dt: f64, force: &[f64], inverse_mass: &[f64]) {
     let (v, u) = (v.par_chunks_mut(GRAIN), u.par_chunks_mut(GRAIN));
-    v.zip(u).zip(force.par_chunks(GRAIN)).zip(inverse_mass.par_chunks(GRAIN)).for_each(|(((v, u), f), w)| {
+    v.zip(u).zip(force.par_chunks(GRAIN)).zip(inverse_mass.par_chunks(GRAIN)).with_max_len(1).for_each(|(((v, u), f), w)| {
         for (((v, u), f), w) in v.iter_mut().zip(u).zip(f).zip(w) {
             *v += 0.5 * dt * f * w;
             *u += dt * *v;

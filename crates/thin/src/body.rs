@@ -640,7 +640,7 @@ impl<const D: usize> Thin<D> {
     fn each_chunk(&mut self, work: impl Fn(&Self, &mut Chunk) + Sync) {
         self.make_chunks();
         let mut chunks = std::mem::take(&mut self.chunks);
-        chunks.par_iter_mut().for_each(|chunk| work(self, chunk));
+        chunks.par_iter_mut().with_max_len(1).for_each(|chunk| work(self, chunk));
         self.chunks = chunks;
     }
 
