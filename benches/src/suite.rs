@@ -2,10 +2,11 @@
 //! size of the body; and set-up.
 //!
 //! ```text
-//! cargo bench -p peridyne-benches --bench suite [-- [--quick] [--large] [--csv FILE] [--only NAME] [--lanes portable|avx2|avx512]]
+//! cargo bench -p peridyne-benches --bench suite [-- [--quick] [--large] [--cores] [--csv FILE] [--only NAME] [--lanes portable|avx2|avx512]]
 //! ```
 //!
-//! `--lanes`: nothing wider, to see what older processors would do. `--quick`: small blocks, three rounds. `--large`: growth up to 10⁷ points (8 GB). Rounds are interleaved: each runs every model once, and what is
+//! `--lanes`: nothing wider, to see what older processors would do. `--quick`: small blocks, three rounds. `--large`: two cores at 10⁶ points, growth up to 10⁷ (8 GB). `--cores`: two cores
+//! only. Rounds are interleaved: each runs every model once, and what is
 //! printed is the median over rounds with least and most.
 
 mod decks;
@@ -22,8 +23,9 @@ use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// Steps of one timing.
-const STEPS: usize = 8;
+/// Force evaluations and steps of one timing; fewer where timings are compared one by one, so that both are of the same moment.
+const TIMES: [usize; 2] = [3, 8];
+const FEW_TIMES: [usize; 2] = [1, 2];
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -57,7 +59,8 @@ fn main() {
          force_efficiency,step_efficiency\n",
     );
     let wanted = |m: &&Model| only.as_ref().is_none_or(|name| m.name.contains(name.as_str()));
-    for dimension in [3, 2, 1] {
+    let only_cores = has("--cores");
+    for dimension in [3, 2, 1].into_iter().filter(|_| !only_cores) {
         let cells = match (dimension, quick) {
             (3, false) => [50, 50, 40],
             (3, true) => [24, 24, 20],
@@ -86,8 +89,8 @@ fn main() {
         let mut times: Vec<Times> = vec![Times::default(); blocks.len()];
         for _ in 0..rounds {
             for (b, times) in blocks.iter_mut().zip(&mut times) {
-                times.force.push(pools[0].install(|| time_force(b)));
-                times.step.push(pools[0].install(|| time_step(b)));
+                times.force.push(pools[0].install(|| time_force(b, TIMES[0])));
+                times.step.push(pools[0].install(|| time_step(b, TIMES[1])));
             }
         }
         let plainest = median(&times[0].step) / blocks[0].bonds as f64;
@@ -118,34 +121,8 @@ fn main() {
     if let [one, .., all] = pools.as_slice() {
         two_cores(one, all, &wanted, (quick, has("--large")), &mut csv);
     }
-    println!(
-        "Growth in space, one core: ns per directed bond of an explicit step (median of {} rounds), bytes per bond, set-up",
-        rounds.min(3)
-    );
-    println!("{:28}{:>12}{:>14}{:>10}{:>10}{:>22}", "model", "points", "bonds", "ns/bond", "bytes", "search + build, s");
-    let sizes: &[usize] = match (quick, has("--large")) {
-        (true, _) => &[22, 46],
-        (false, false) => &[22, 46, 100],
-        (false, true) => &[22, 46, 100, 215],
-    };
-    for model in MODELS.iter().filter(|m| m.dimension == 3).take(3).filter(wanted) {
-        for &side in sizes {
-            // built on all cores, timed on one
-            let mut b = pools[cores - 1].install(|| block(model, [side; 3]));
-            let times: Vec<f64> = (0..rounds.min(3)).map(|_| pools[0].install(|| time_step(&mut b))).collect();
-            let ns = median(&times) * 1e9 / b.bonds as f64;
-            let bytes = b.bytes as f64 / b.bonds as f64;
-            println!("{:28}{:>12}{:>14}{ns:>10.2}{bytes:>10.1}{:>14.2} +{:>6.2}", model.name, b.points, b.bonds, b.seconds.0, b.seconds.1);
-            let _ = writeln!(
-                csv,
-                "growth,3,{},{},{},{bytes:.2},,,,{ns:.4},{:.4},{:.4},,,",
-                model.name,
-                b.points,
-                b.bonds,
-                least(&times) * 1e9 / b.bonds as f64,
-                most(&times) * 1e9 / b.bonds as f64
-            );
-        }
+    if !only_cores {
+        growth(&pools, &wanted, (quick, has("--large")), rounds.min(3), &mut csv);
     }
     if let Some(path) = value("--csv") {
         match std::fs::write(&path, csv) {
@@ -166,9 +143,10 @@ struct Times {
 /// machine gives to programs that have nothing to do with each other: its cores share memory and power, and virtual ones share cores.
 fn two_cores(one: &ThreadPool, all: &ThreadPool, wanted: &impl Fn(&&Model) -> bool, (quick, large): (bool, bool), csv: &mut String) {
     let other = ThreadPoolBuilder::new().num_threads(1).build().expect("threads start");
-    let rounds = if quick { 5 } else { 9 };
+    let (many, few) = (if quick { 9 } else { 31 }, 9);
     println!(
-        "Two cores: the time of one core over twice that of two, median of {rounds} rounds [quartiles]; and beside two separate runs at once"
+        "Two cores: the time of one core over twice that of two, median of {many} rounds ({few} where there are more than 10^5 points) \
+         [quartiles];\nand beside two separate runs at once"
     );
     println!("{:28}{:>4}{:>10}{:>28}{:>28}{:>12}{:>12}", "", "", "", "force", "explicit step", "force", "step");
     println!("{:28}{:>4}{:>10}{:>28}{:>28}{:>12}{:>12}", "model", "D", "points", "efficiency", "efficiency", "beside runs", "beside runs");
@@ -186,13 +164,13 @@ fn two_cores(one: &ThreadPool, all: &ThreadPool, wanted: &impl Fn(&&Model) -> bo
         let (mut a, mut b) = all.install(|| (block_under(model, cells, push), block_under(model, cells, push)));
         let name = if push == Push::LoadAndWall { format!("{}, load and wall", model.name) } else { model.name.into() };
         let mut ratios = [const { vec![] }; 4];
-        for _ in 0..rounds {
-            for (k, time) in [time_force, time_step].into_iter().enumerate() {
-                let alone = one.install(|| time(&mut a));
-                let shared = all.install(|| time(&mut a));
+        for _ in 0..if a.points > 100_000 { few } else { many } {
+            for (k, (time, n)) in [time_force, time_step].into_iter().zip(FEW_TIMES).enumerate() {
+                let alone = one.install(|| time(&mut a, n));
+                let shared = all.install(|| time(&mut a, n));
                 let (x, y) = std::thread::scope(|s| {
-                    let second = s.spawn(|| other.install(|| time(&mut b)));
-                    (one.install(|| time(&mut a)), second.join().expect("the block is sound"))
+                    let second = s.spawn(|| other.install(|| time(&mut b, n)));
+                    (one.install(|| time(&mut a, n)), second.join().expect("the block is sound"))
                 });
                 ratios[k].push(0.5 * alone / shared);
                 // two runs are made in this time, and in twice that of two cores
@@ -227,21 +205,50 @@ fn two_cores(one: &ThreadPool, all: &ThreadPool, wanted: &impl Fn(&&Model) -> bo
     println!();
 }
 
-/// Seconds of one force evaluation, the mean of a few.
-fn time_force(b: &mut Block) -> f64 {
-    const TIMES: usize = 3;
+/// Growth with the size of the body, and set-up.
+fn growth(pools: &[ThreadPool], wanted: &impl Fn(&&Model) -> bool, (quick, large): (bool, bool), rounds: usize, csv: &mut String) {
+    println!("Growth in space, one core: ns per directed bond of an explicit step (median of {} rounds), bytes per bond, set-up", rounds);
+    println!("{:28}{:>12}{:>14}{:>10}{:>10}{:>22}", "model", "points", "bonds", "ns/bond", "bytes", "search + build, s");
+    let sizes: &[usize] = match (quick, large) {
+        (true, _) => &[22, 46],
+        (false, false) => &[22, 46, 100],
+        (false, true) => &[22, 46, 100, 215],
+    };
+    for model in MODELS.iter().filter(|m| m.dimension == 3).take(3).filter(wanted) {
+        for &side in sizes {
+            // built on all cores, timed on one
+            let mut b = pools[pools.len() - 1].install(|| block(model, [side; 3]));
+            let times: Vec<f64> = (0..rounds).map(|_| pools[0].install(|| time_step(&mut b, TIMES[1]))).collect();
+            let ns = median(&times) * 1e9 / b.bonds as f64;
+            let bytes = b.bytes as f64 / b.bonds as f64;
+            println!("{:28}{:>12}{:>14}{ns:>10.2}{bytes:>10.1}{:>14.2} +{:>6.2}", model.name, b.points, b.bonds, b.seconds.0, b.seconds.1);
+            let _ = writeln!(
+                csv,
+                "growth,3,{},{},{},{bytes:.2},,,,{ns:.4},{:.4},{:.4},,,",
+                model.name,
+                b.points,
+                b.bonds,
+                least(&times) * 1e9 / b.bonds as f64,
+                most(&times) * 1e9 / b.bonds as f64
+            );
+        }
+    }
+}
+
+/// Seconds of one force evaluation, the mean of so many after one that warms up.
+fn time_force(b: &mut Block, times: usize) -> f64 {
     let mut f = vec![0.0; b.u.len()];
     Dynamics::force(&mut *b.model, 0.0, &b.u, &b.v, &mut f).expect("the block is sound");
     let clock = Instant::now();
-    for _ in 0..TIMES {
+    for _ in 0..times {
         Dynamics::force(&mut *b.model, 0.0, &b.u, &b.v, &mut f).expect("the block is sound");
     }
-    clock.elapsed().as_secs_f64() / TIMES as f64
+    clock.elapsed().as_secs_f64() / times as f64
 }
 
-/// Seconds of one explicit step, the mean of a few, with an observer that looks at every one; from the state where the last timing ended.
-fn time_step(b: &mut Block) -> f64 {
-    let solver = VelocityVerlet { time_step: STEP, end: STEPS as f64 * STEP, observe_every: 1, following: None };
+/// Seconds of one explicit step, the mean of so many, with an observer that looks at every one; from the state where the last timing ended.
+fn time_step(b: &mut Block, steps: usize) -> f64 {
+    let solver = VelocityVerlet { time_step: STEP, end: steps as f64 * STEP, observe_every: 1, following: None };
     let mut motion = Motion::at_rest(b.u.len(), 0.0);
     motion.u.copy_from_slice(&b.u);
     motion.v.copy_from_slice(&b.v);
@@ -249,7 +256,7 @@ fn time_step(b: &mut Block) -> f64 {
     solver.run(&mut *b.model, &mut motion, &mut clock, None).expect("the block is sound");
     b.u.copy_from_slice(&motion.u);
     b.v.copy_from_slice(&motion.v);
-    clock.seconds / STEPS as f64
+    clock.seconds / steps as f64
 }
 
 /// Looks at every step, and at the clock.
