@@ -5,9 +5,9 @@
 //! cargo bench -p peridyne-benches --bench suite [-- [--quick] [--large] [--cores] [--csv FILE] [--only NAME] [--lanes portable|avx2|avx512]]
 //! ```
 //!
-//! `--lanes`: nothing wider, to see what older processors would do. `--quick`: small blocks, three rounds. `--large`: two cores at 10⁶ points, growth up to 10⁷ (8 GB). `--cores`: two cores
-//! only. Rounds are interleaved: each runs every model once, and what is
-//! printed is the median over rounds with least and most.
+//! `--lanes`: nothing wider, to see what older processors would do. `--quick`: small blocks, few rounds. `--large`: two cores at 10⁶ points,
+//! growth up to 10⁷ (8 GB). `--cores`: two cores only. Rounds are interleaved: each runs every model once, and what is printed is the
+//! median over rounds with least and most; one core and two are compared within a round.
 
 mod decks;
 
