@@ -214,7 +214,8 @@ impl<const D: usize> Body<D> {
             && part.gathers()
         {
             let words = self.per_point(0.0, |k, c, out| {
-                c.with_lists(|view| (0..c.owned).for_each(|i| out[i] = part.state_word(k, i, view)));
+                let view = c.configuration();
+                (0..c.owned).for_each(|i| out[i] = part.state_word(k, i, &view));
             });
             for c in &mut self.chunks {
                 if let Some(lattice) = &mut c.lattice {

@@ -278,6 +278,28 @@ impl<const D: usize> Chunk<D> {
         }
     }
 
+    /// Computes with lists of the families of some owned points, ascending; other families are empty where the lattice stands for lists.
+    pub(crate) fn with_lists_of<T>(&self, points: &[u32], f: impl FnOnce(&Configuration<'_, f64>) -> T) -> T {
+        let Some(lattice) = self.lattice.as_ref().filter(|_| !self.has_lists()) else { return f(&self.configuration()) };
+        let mut wanted = points.iter().peekable();
+        let (mut start, mut intact) = (vec![0], vec![]);
+        for i in 0..self.owned {
+            if wanted.next_if(|p| **p as usize == i).is_some() {
+                intact.extend(&self.intact[self.start[i] as usize / 8..self.start[i + 1] as usize / 8]);
+            }
+            start.push(8 * intact.len() as u32);
+        }
+        let (neighbor, weight, membership) = lattice.lists(&start, self.weighted, self.sub_horizons);
+        f(&Configuration {
+            start: &start,
+            neighbor: &neighbor,
+            weight: &weight,
+            membership: &membership,
+            intact: &intact,
+            ..self.configuration()
+        })
+    }
+
     /// Gives back what [`make_lists`](Self::make_lists) and displacements by rows take, on a lattice.
     pub(crate) fn drop_lists(&mut self) {
         if self.lattice.is_some() {

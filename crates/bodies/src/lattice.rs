@@ -272,12 +272,13 @@ impl<const D: usize> LatticePoints<D> {
         self.local[self.cell[i].wrapping_add_signed(self.bond(i, k).offset) as usize] as usize
     }
 
-    /// Far points, influence and sub-horizons of all slots as a chunk stores them, given its first slot of each family.
+    /// Far points, influence and sub-horizons of all slots as a chunk stores them, given its first slot of each family. Families without slots
+    /// are left out.
     pub(crate) fn lists(&self, start: &[u32], weighted: bool, sub_horizons: usize) -> (Vec<u16>, Vec<f64>, Vec<u8>) {
         let slots = start.last().map_or(0, |s| *s as usize);
         let (mut neighbor, mut weight) = (Vec::with_capacity(slots), Vec::with_capacity(if weighted { slots } else { 0 }));
         let mut membership = vec![0; sub_horizons * slots / 8];
-        for (i, first) in (0..self.pattern.len()).zip(start) {
+        for (i, first) in (0..self.pattern.len()).zip(start).filter(|(i, first)| start[i + 1] > **first) {
             let near = self.cell[i];
             for (&b, s) in self.bonds_of(i).iter().zip(*first as usize..) {
                 let bond = &self.stencil[b as usize];

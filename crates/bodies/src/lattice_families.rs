@@ -86,14 +86,13 @@ impl LatticeFamilies {
 
     /// Points of the family of a point.
     pub(crate) fn size(&self, point: u32) -> u32 {
-        let cell = self.cell[point as usize];
-        self.offsets.iter().map(|o| u32::from(self.table[cell.wrapping_add_signed(*o) as usize] != NOBODY)).sum()
+        self.family(point).count() as u32
     }
 
-    /// Adds the family of a point to a list, row by row.
+    /// The family of a point, row by row.
     #[inline]
-    pub(crate) fn add(&self, point: u32, family: &mut Vec<u32>) {
+    pub(crate) fn family(&self, point: u32) -> impl Iterator<Item = u32> {
         let cell = self.cell[point as usize];
-        family.extend(self.offsets.iter().map(|o| self.table[cell.wrapping_add_signed(*o) as usize]).filter(|p| *p != NOBODY));
+        self.offsets.iter().map(move |o| self.table[cell.wrapping_add_signed(*o) as usize]).filter(|p| *p != NOBODY)
     }
 }

@@ -248,7 +248,7 @@ impl Families {
         }
     }
 
-    /// Appends the bonds of point `i`, ascending as in [`Neighbors`], with an influence of 1 and no sub-horizons.
+    /// Appends the bonds of point `i`, as in [`Neighbors`] or on a lattice cell by cell, with an influence of 1 and no sub-horizons.
     pub fn add_links(&self, position: &[[f64; 3]], i: usize, out: &mut Vec<Link>) {
         match &self.kept {
             Kept::Lists(lists) => out.extend(lists.bonds_of(i).map(|b| Link {
@@ -258,11 +258,8 @@ impl Families {
                 weight: 1.0,
                 sets: 0,
             })),
-            Kept::OnLattice(lattice, size) => {
-                let mut family = Vec::with_capacity(size[i] as usize);
-                lattice.add(i as u32, &mut family);
-                sort_runs(&mut family, &mut vec![]);
-                out.extend(family.iter().map(|&q| Link { point: q, flips: 0, end: position[q as usize], weight: 1.0, sets: 0 }));
+            Kept::OnLattice(lattice, _) => {
+                out.extend(lattice.family(i as u32).map(|q| Link { point: q, flips: 0, end: position[q as usize], weight: 1.0, sets: 0 }));
             }
         }
     }
@@ -271,7 +268,7 @@ impl Families {
     pub fn into_lists(self) -> Neighbors {
         match self.kept {
             Kept::Lists(lists) => lists,
-            Kept::OnLattice(lattice, size) => collect(size.len(), lattice.most(), |q, family| lattice.add(q as u32, family)),
+            Kept::OnLattice(lattice, size) => collect(size.len(), lattice.most(), |q, family| family.extend(lattice.family(q as u32))),
         }
     }
 }
@@ -428,7 +425,7 @@ fn search(position: &[[f64; 3]], dimension: usize, horizon: &[f64], queries: Opt
     let rounding = rounding(position);
     let query = |q: usize| queries.map_or(q as u32, |all| all[q]);
     if let Some(lattice) = LatticeFamilies::find(position, dimension, horizon, rounding) {
-        return collect(horizon.len(), lattice.most(), |q, family| lattice.add(query(q), family));
+        return collect(horizon.len(), lattice.most(), |q, family| family.extend(lattice.family(query(q))));
     }
     // Half the mean horizon: cells small enough that the rows of a ball hug it, large enough that a row is worth a loop.
     let mean = horizon.iter().sum::<f64>() / horizon.len().max(1) as f64;
@@ -562,6 +559,7 @@ mod tests {
             for i in 0..n {
                 let mut links = vec![];
                 found.add_links(&position, i, &mut links);
+                links.sort_unstable_by_key(|l| l.point);
                 assert_eq!(links.iter().map(|l| l.point).collect::<Vec<_>>(), want.of(i));
                 assert!(links.iter().all(|l| l.end == position[l.point as usize] && l.flips == 0 && l.weight == 1.0));
                 assert_eq!(found.size(i), links.len());

@@ -3,7 +3,7 @@
 use crate::chunk::Chunk;
 use crate::lattice::{Group, LatticePoints, NOBODY};
 use crate::scratch::Scratch;
-use crate::shared::{Distinct, Shared};
+use crate::shared::{Distinct, Shared, by_cells};
 use physics::family::{Bond, Configuration, Family, Place, Reference, Undeformed};
 use physics::lanes::{Abreast, GroupKernel, Kernel, WIDTH, widest, widest_abreast};
 use physics::material::Material;
@@ -97,7 +97,7 @@ pub trait Part<const D: usize>: Send + Sync {
     /// Whether the part covers the body and sums both halves of its pairs at each point, given that every bond has its opposite.
     /// It then wants its points' state in the spare words of the displacements: see [`state_word`](Self::state_word).
     fn gathers(&self) -> bool;
-    /// The state of an owned point of a pairwise model.
+    /// The state of an owned point of a pairwise model, which is fixed with its shape.
     fn state_word(&self, chunk: usize, point: usize, c: &Configuration<f64>) -> f64;
     /// Whether bonds stiffen without bound as they collapse: see [`Material::collapse`].
     fn collapse(&self) -> bool;
@@ -257,47 +257,81 @@ impl<M: Material<D>, const D: usize> Assigned<M, D> {
     }
 }
 
-impl<M: Material<D>, const D: usize> Assigned<M, D> {
-    /// What families reduce to: shapes and laws are of one point at a time.
+/// The points of two groups that are taken abreast.
+struct Lanes<'a> {
+    chunk: usize,
+    c: &'a Configuration<'a, f64>,
+    groups: [&'a Group; 2],
+    /// A bit for each of the part's points.
+    lanes: u16,
+}
+impl Lanes<'_> {
+    /// Calls `f` with each lane and its point.
     #[inline(always)]
-    fn states_of<S: Abreast>(
-        &self,
-        chunk: usize,
-        c: &Configuration<f64>,
-        groups: [&Group; 2],
-        lanes: u16,
-        moments: &M::Moments<S>,
-    ) -> M::State<S> {
-        let (first, place, shapes) = (self.points[chunk].0, &self.place[chunk], &self.shapes[chunk]);
-        let nothing = <M::State<f64> as Record<f64>>::read(
-            #[inline(always)]
-            |_| 0.0,
-            0,
-        );
-        let mut states = [nothing; 2 * WIDTH];
-        for l in 0..S::GROUPS * WIDTH {
-            if lanes >> l & 1 == 0 {
-                continue;
-            }
-            let i = groups[l / WIDTH].points[l % WIDTH] as usize;
-            let moments = <M::Moments<f64> as Record<f64>>::read(
-                #[inline(always)]
-                |k| moments.word(k).lane(l),
-                0,
-            );
-            let shape = &shapes[place[i] as usize];
-            states[l] = self.material.state_of(self.constants.at(first + i), shape, &moments, Place::new(c, i));
+    fn each<S: Abreast>(&self, mut f: impl FnMut(usize, usize)) {
+        for l in (0..S::GROUPS * WIDTH).filter(|l| self.lanes >> l & 1 == 1) {
+            f(l, self.groups[l / WIDTH].points[l % WIDTH] as usize);
         }
-        <M::State<S> as Record<S>>::read(
+    }
+    /// One record of all lanes.
+    #[inline(always)]
+    fn together<S: Abreast, A: Record<f64>, B: Record<S>>(records: &[A; 2 * WIDTH]) -> B {
+        B::read(
             #[inline(always)]
             |k| {
                 S::of_lanes(
                     #[inline(always)]
-                    |l| states[l].word(k),
+                    |l| records[l].word(k),
                 )
             },
             0,
         )
+    }
+    /// A record of zeros.
+    #[inline(always)]
+    fn nothing<A: Record<f64>>() -> A {
+        A::read(
+            #[inline(always)]
+            |_| 0.0,
+            0,
+        )
+    }
+}
+
+impl<M: Material<D>, const D: usize> Assigned<M, D> {
+    /// What the integrals must know of the shapes.
+    #[inline(always)]
+    fn weights_of<S: Abreast>(&self, points: &Lanes) -> M::Weights<S> {
+        let (place, shapes) = (&self.place[points.chunk], &self.shapes[points.chunk]);
+        let mut weights = [Lanes::nothing::<M::Weights<f64>>(); 2 * WIDTH];
+        if <M::Weights<f64> as Record<f64>>::WORDS > 0 {
+            points.each::<S>(
+                #[inline(always)]
+                |l, i| weights[l] = self.material.weights(&shapes[place[i] as usize]),
+            );
+        }
+        Lanes::together(&weights)
+    }
+
+    /// What families reduce to: shapes and laws are of one point at a time.
+    #[inline(always)]
+    fn states_of<S: Abreast>(&self, points: &Lanes, moments: &M::Moments<S>) -> M::State<S> {
+        let chunk = points.chunk;
+        let (first, place, shapes) = (self.points[chunk].0, &self.place[chunk], &self.shapes[chunk]);
+        let mut states = [Lanes::nothing::<M::State<f64>>(); 2 * WIDTH];
+        points.each::<S>(
+            #[inline(always)]
+            |l, i| {
+                let moments = <M::Moments<f64> as Record<f64>>::read(
+                    #[inline(always)]
+                    |k| moments.word(k).lane(l),
+                    0,
+                );
+                let shape = &shapes[place[i] as usize];
+                states[l] = self.material.state_of(self.constants.at(first + i), shape, &moments, Place::new(points.c, i));
+            },
+        );
+        Lanes::together(&states)
     }
 }
 
@@ -360,7 +394,9 @@ impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
                     },
                 );
             } else {
-                let state = self.part.states_of(self.chunk, self.c, [first, second], lanes, &material.moments(family));
+                let points = Lanes { chunk: self.chunk, c: self.c, groups: [first, second], lanes };
+                let moments = material.moments(&self.part.weights_of(&points), family);
+                let state = self.part.states_of(&points, &moments);
                 family.each(
                     #[inline(always)]
                     |b| {
@@ -519,20 +555,28 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         let made: Vec<OnceLock<Made<M::Shape>>> = chunks.iter().map(|_| OnceLock::new()).collect();
         in_parallel(chunks.len(), &|k| {
             made[k].get_or_init(|| {
+                let (first, points) = &self.points[k];
+                let shape_of = |c: &Configuration<f64>, i: u32| {
+                    self.material.shape(self.constants.at(first + i as usize), Reference::new(c, i as usize))
+                };
+                let mut singular = vec![];
+                if uniform && let Some((own, number)) = by_cells(&chunks[k], points) {
+                    let made: Vec<_> = chunks[k].with_lists_of(&own, |c| own.iter().map(|&i| shape_of(c, i)).collect());
+                    singular.extend(points.iter().zip(&number).filter(|(_, n)| made[**n as usize].is_err()).map(|(i, _)| *i as usize));
+                    let table = made.into_iter().flatten().collect();
+                    return if singular.is_empty() { Ok(Shared::of(table, number)) } else { Err(singular) };
+                }
                 chunks[k].with_lists(|c| {
-                    let (first, points) = &self.points[k];
-                    let mut singular = vec![];
                     let mut shapes = Shared::with_capacity(points.len());
-                    let distinct = uniform.then(|| Distinct::new(&chunks[k], M::SUB_HORIZONS, M::STORED_INFLUENCE));
                     // shapes as small as an index are not worth a search among bonds
-                    let mut distinct = distinct.filter(|known| !small || known.by_cells());
+                    let mut distinct = (uniform && !small).then(|| Distinct::<D>::new(M::SUB_HORIZONS, M::STORED_INFLUENCE));
                     for &i in points {
                         let same = distinct.as_mut().and_then(|known| known.find(c, i as usize, shapes.distinct()));
                         if let Some(same) = same {
                             shapes.push_same(same);
                             continue;
                         }
-                        match self.material.shape(self.constants.at(first + i as usize), Reference::new(c, i as usize)) {
+                        match shape_of(c, i) {
                             Ok(shape) => shapes.push(shape),
                             Err(_) => singular.push(i as usize),
                         }
@@ -591,7 +635,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         }
     }
     fn takes_lattice(&self, chunk: usize) -> bool {
-        M::ABREAST && !M::RATE && M::BOND_MEMORY == 0 && !self.irregular[chunk]
+        !M::RATE && M::BOND_MEMORY == 0 && !self.irregular[chunk]
     }
     fn add_force_on_lattice(
         &self,
@@ -602,7 +646,7 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
         scratch: &mut Scratch,
     ) {
         // known when the program is compiled
-        if M::ABREAST && !M::RATE && M::BOND_MEMORY == 0 {
+        if !M::RATE && M::BOND_MEMORY == 0 {
             widest_abreast(OnLattice { part: self, chunk, c, lattice, watch, scratch });
         }
     }
@@ -683,7 +727,9 @@ impl<M: Material<D>, const D: usize> Part<D> for Assigned<M, D> {
     }
     fn state_word(&self, chunk: usize, point: usize, c: &Configuration<f64>) -> f64 {
         let (constants, shape) = (self.constants.at(self.points[chunk].0 + point), &self.shapes[chunk][self.place[chunk][point] as usize]);
-        let state: M::State<f64> = self.material.state(constants, shape, Family::<f64, D>::new(c, point));
+        const { assert!(!M::PAIRWISE || <M::Moments<f64> as Record<f64>>::WORDS == 0, "a pairwise model takes no integrals") };
+        let nothing = <M::Moments<f64> as Record<f64>>::read(|_| 0.0, 0);
+        let state: M::State<f64> = self.material.state_of(constants, shape, &nothing, Place::new(c, point));
         state.word(0)
     }
     fn bytes(&self) -> usize {

@@ -1,7 +1,9 @@
 //! Material points: what a discretised body is made of before it has families.
 
 use crate::cells::{CellList, bounds};
+use crate::neighbors::RUN;
 use crate::sort::{Permutation, spatial_order};
+use rayon::prelude::*;
 
 /// Material points with their positions, measures, spacings, blocks and identities.
 ///
@@ -351,10 +353,9 @@ impl PointCloud {
         const NEAR: f64 = 1e-9;
         let mean = self.spacing.iter().sum::<f64>() / self.len() as f64;
         let cells = CellList::new(&self.position, self.dimension, mean);
-        let mut near = Vec::new();
-        for (i, x) in self.position.iter().enumerate() {
-            near.clear();
-            cells.within(x, NEAR * self.spacing[i], |j, _| {
+        let near = |i: usize| {
+            let mut near = Vec::new();
+            cells.within(&self.position[i], NEAR * self.spacing[i], |j, _| {
                 // Of unequal spacings the larger decides, and a pair is told once.
                 let larger = self.spacing[j as usize] < self.spacing[i] || (self.spacing[j as usize] == self.spacing[i] && j as usize > i);
                 if larger && j as usize != i {
@@ -362,10 +363,11 @@ impl PointCloud {
                 }
             });
             near.sort_unstable();
-            for &j in &near {
-                let (a, b) = (i.min(j as usize), i.max(j as usize));
-                errors.add(PointError::SamePlace { first: self.id[a], second: self.id[b], position: self.position[a] });
-            }
+            near.into_iter().map(move |j| (i.min(j as usize), i.max(j as usize)))
+        };
+        let pairs: Vec<(usize, usize)> = (0..self.len()).into_par_iter().with_min_len(RUN).flat_map_iter(near).collect();
+        for (a, b) in pairs {
+            errors.add(PointError::SamePlace { first: self.id[a], second: self.id[b], position: self.position[a] });
         }
     }
 }

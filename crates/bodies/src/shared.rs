@@ -19,6 +19,10 @@ impl<S> Shared<S> {
     pub fn with_capacity(points: usize) -> Self {
         Shared { table: vec![], place: Vec::with_capacity(points), shared: 0 }
     }
+    /// Entries of a table, for each point one.
+    pub fn of(table: Vec<S>, place: Vec<u32>) -> Self {
+        Shared { shared: table.len(), table, place }
+    }
     /// Number of distinct shapes so far.
     pub fn distinct(&self) -> usize {
         self.table.len()
@@ -106,43 +110,43 @@ impl<const D: usize> Bonds<D> {
     }
 }
 
+/// On a lattice of equal volumes: points whose families are all that there are, and for each of `points` the number of the one that is as its
+/// own, because the same cells are taken around both (see `LatticePoints::patterns`). `None` elsewhere.
+pub(crate) fn by_cells<const D: usize>(chunk: &Chunk<D>, points: &[u32]) -> Option<(Vec<u32>, Vec<u32>)> {
+    let near = |a: f64, b: f64| (a - b).abs() <= SAME * b.abs();
+    let lattice = chunk.lattice.as_ref()?;
+    let alike =
+        chunk.horizon.iter().all(|h| near(*h, chunk.horizon[0])) && (0..chunk.points.len()).all(|l| near(chunk.volume(l), chunk.volume(0)));
+    let (mut first, mut number): (Vec<u32>, HashMap<u32, u32>) = Default::default();
+    let mut number_of = |&i: &u32| {
+        *number.entry(lattice.patterns()[i as usize]).or_insert_with(|| {
+            first.push(i);
+            first.len() as u32 - 1
+        })
+    };
+    let numbers = alike.then(|| points.iter().map(&mut number_of).collect())?;
+    Some((first, numbers))
+}
+
 /// The distinct families met so far, each by one of its points.
-pub(crate) struct Distinct<'a, const D: usize> {
+pub(crate) struct Distinct<const D: usize> {
     sub_horizons: usize,
     weighted: bool,
     /// Representative points with their entries in the table, by hash.
     known: HashMap<u64, Vec<(usize, usize)>>,
     /// Families looked at, and found again.
     tried: (usize, usize),
-    /// On a lattice of equal volumes families are the same where their bonds are those of the same cells: see `LatticePoints::patterns`.
-    patterns: Option<&'a [u32]>,
-    by_pattern: HashMap<u32, usize>,
 }
 
 /// Families after which a search that finds few again is given up: a cloud of points.
 const ENOUGH: usize = 256;
 
-impl<'a, const D: usize> Distinct<'a, D> {
-    pub fn new(chunk: &'a Chunk<D>, sub_horizons: usize, weighted: bool) -> Self {
-        let near = |a: f64, b: f64| (a - b).abs() <= SAME * b.abs();
-        let alike = chunk.horizon.iter().all(|h| near(*h, chunk.horizon[0]))
-            && (0..chunk.points.len()).all(|l| near(chunk.volume(l), chunk.volume(0)));
-        let patterns = chunk.lattice.as_ref().filter(|_| alike).map(|lattice| lattice.patterns());
-        Distinct { sub_horizons, weighted, known: HashMap::new(), tried: (0, 0), patterns, by_pattern: HashMap::new() }
-    }
-    /// Whether a look at the cells of a family is enough, which is cheaper than any shape.
-    pub fn by_cells(&self) -> bool {
-        self.patterns.is_some()
+impl<const D: usize> Distinct<D> {
+    pub fn new(sub_horizons: usize, weighted: bool) -> Self {
+        Distinct { sub_horizons, weighted, known: HashMap::new(), tried: (0, 0) }
     }
     /// The entry of a family that is the same as that of `point`; where there is none, `point` will be found under `next` later.
     pub fn find(&mut self, c: &Configuration<f64>, point: usize, next: usize) -> Option<usize> {
-        if let Some(patterns) = self.patterns {
-            let found = self.by_pattern.get(&patterns[point]).copied();
-            if found.is_none() {
-                self.by_pattern.insert(patterns[point], next);
-            }
-            return found;
-        }
         if self.tried.0 >= ENOUGH && self.tried.1 * 8 < self.tried.0 {
             return None;
         }

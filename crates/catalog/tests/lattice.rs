@@ -195,6 +195,10 @@ fn solid<const D: usize>() -> Model<D> {
     correspondence(saint_venant(stiffness()), CONTROLLED)
 }
 
+fn corrected<const D: usize>(law: SmoothLaw<D>, order: usize) -> Model<D> {
+    Model::Corrected(law, physics::zero_energy::Isotropic::Silling2017 { strength: 1.0 }, order)
+}
+
 fn stiffness<const D: usize>() -> Stiffness<D> {
     Stiffness::isotropic(ELASTIC, 0.0, section(D))
 }
@@ -224,6 +228,10 @@ fn in_the_plane(case: Case<2>) -> Vec<(&'static str, f64)> {
         ("correspondence", of(&case, solid())),
         ("correspondence, plastic, cone", of(&weighted, correspondence(plasticity(), CONTROLLED))),
         ("extended", of(&case, extended)),
+        ("corrected, order 1", of(&weighted, corrected(saint_venant(stiffness()), 1))),
+        ("corrected, order 2, plastic", of(&weighted, corrected(plasticity(), 2))),
+        ("corrected, order 3", of(&weighted, corrected(saint_venant(stiffness()), 3))),
+        ("corrected, order 4", of(&weighted, corrected(saint_venant(stiffness()), 4))),
         ("sub-horizons", of(&divided, Model::SubHorizons(saint_venant(stiffness()), EmptySubHorizon::Renormalise))),
     ]
 }
@@ -240,7 +248,15 @@ fn ask(dimension: &str, found: Vec<(&'static str, f64)>) {
 fn abreast_as_by_lists_in_three_dimensions() {
     let case = Case { size: [13, 14, 21], spacing: [1e-3; 3], horizon: 2.515e-3, mirrors: false, weighted: false, sets: 0 };
     let of = |model: Model<3>| worst(&case, &everywhere(&case, model));
-    let found = vec![("bond-based", of(bonds())), ("linear solid", of(linear_solid())), ("correspondence", of(solid()))];
+    let weighted = Case { weighted: true, ..case };
+    let corrected = |order: usize| worst(&weighted, &everywhere(&weighted, corrected(saint_venant(stiffness()), order)));
+    let found = vec![
+        ("bond-based", of(bonds())),
+        ("linear solid", of(linear_solid())),
+        ("correspondence", of(solid())),
+        ("corrected, order 2", corrected(2)),
+        ("corrected, order 3", corrected(3)),
+    ];
     ask("3D", found);
 }
 
@@ -256,7 +272,8 @@ fn abreast_as_by_lists_in_the_plane() {
 #[test]
 fn abreast_as_by_lists_on_a_line() {
     let case = Case { size: [900], spacing: [0.1], horizon: 0.3015, mirrors: true, weighted: true, sets: 0 };
-    ask("1D", vec![("bond-based", worst(&case, &everywhere(&case, bonds())))]);
+    let of = |model: Model<1>| worst(&case, &everywhere(&case, model));
+    ask("1D", vec![("bond-based", of(bonds())), ("corrected, order 4", of(corrected(saint_venant(stiffness()), 4)))]);
 }
 
 #[test]

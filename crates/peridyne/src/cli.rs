@@ -194,10 +194,9 @@ fn with_threads(threads: Option<usize>, f: impl FnOnce() -> u8) -> u8 {
         eprintln!("error: --threads 0: at least one thread is needed");
         return 2;
     }
-    if let Some(n) = threads
-        && let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(n).build_global()
-    {
-        eprintln!("error: {n} threads could not be started: {e}");
+    // 0 stands for all cores. This thread is one of them: what it computes in parallel begins here, and waits for no other thread to wake up
+    if let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).use_current_thread().build_global() {
+        eprintln!("error: {} could not be started: {e}", threads.map_or("threads".into(), |n| format!("{n} threads")));
         return 1;
     }
     f()

@@ -14,8 +14,9 @@ pub struct SingularFamily;
 ///
 /// The force density of a body follows as `f(x) = ∫_H (T[x]⟨ξ⟩ − T[x′]⟨−ξ⟩) dV′`. A model writes what the deformed
 /// family reduces to ([`State`](Self::State)) and the force state of a bond given that; it has no loop over points. The first is of two
-/// steps: integrals that ask the reference family nothing ([`moments`](Self::moments)), and what shape, constants and law make of them
-/// ([`state_of`](Self::state_of)). So the integrals of several points of a lattice can be taken side by side, and the law sees one at a time.
+/// steps: integrals over the deformed family ([`moments`](Self::moments)), for which of the shape only its [`Weights`](Self::Weights) are
+/// known, and what shape, constants and law make of them ([`state_of`](Self::state_of)). So the integrals of several points of a lattice can
+/// be taken side by side, and the law sees one at a time.
 /// `state`, `force` and `energy_density` neither allocate nor fail.
 pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     /// Words of history a point keeps.
@@ -32,8 +33,6 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     const PAIRWISE: bool = false;
     /// Sub-horizons whose membership is stored with the bonds.
     const SUB_HORIZONS: usize = 0;
-    /// Whether `state` is `state_of` the `moments`. A model whose integrals need the shape says no, and writes `state`.
-    const ABREAST: bool = true;
     /// Whether the influence is stored with the bonds.
     const STORED_INFLUENCE: bool;
 
@@ -41,7 +40,9 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     type Constants: Copy + Send + Sync + 'static;
     /// What the reference family alone decides.
     type Shape: Copy + Send + Sync + 'static;
-    /// Integrals over the deformed family that the shape has no part in.
+    /// What the integrals must know of the shape.
+    type Weights<R: Scalar>: Record<R>;
+    /// Integrals over the deformed family.
     type Moments<R: Scalar>: Record<R>;
     /// All that a force needs to know of the deformed family.
     type State<R: Scalar>: Record<R>;
@@ -56,8 +57,10 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     fn rebuilds(&self, _: &Self::Constants) -> bool {
         false
     }
+    /// What [`moments`](Self::moments) gets of a shape.
+    fn weights<R: Scalar>(&self, shape: &Self::Shape) -> Self::Weights<R>;
     /// Integrals over the deformed family. Nothing of the family may be asked but its bonds.
-    fn moments<S: Scalar>(&self, h: Family<S, D>) -> Self::Moments<S::Sum>;
+    fn moments<S: Scalar>(&self, weights: &Self::Weights<S>, h: Family<S, D>) -> Self::Moments<S::Sum>;
     /// Whether `state` is `state_of` the `moments` for this shape too: a family that the model treats otherwise is none of several abreast.
     fn is_regular(&self, _: &Self::Shape) -> bool {
         true
@@ -73,7 +76,7 @@ pub trait Material<const D: usize>: Clone + Send + Sync + 'static {
     /// What the deformed family reduces to.
     #[inline(always)]
     fn state<S: Scalar>(&self, constants: &Self::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
-        self.state_of(constants, shape, &self.moments(h), h.place())
+        self.state_of(constants, shape, &self.moments(&self.weights(shape), h), h.place())
     }
     /// The force state `T⟨ξ⟩` \[N/m⁶ in 3D\].
     fn force<S: Scalar>(&self, state: &Self::State<S>, b: Bond<S, D>) -> Vector<S, D>;

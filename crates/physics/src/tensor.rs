@@ -167,6 +167,15 @@ impl<S: Scalar, const D: usize> Matrix<S, D> {
         }
         r
     }
+    /// `self += x ⊗ y`
+    #[inline(always)]
+    pub fn add_outer(&mut self, x: Vector<S, D>, y: Vector<S, D>) {
+        for a in 0..D {
+            for b in 0..D {
+                self.0[a][b] = x.0[a].fma(y.0[b], self.0[a][b]);
+            }
+        }
+    }
 }
 
 impl<const D: usize> Matrix<f64, D> {

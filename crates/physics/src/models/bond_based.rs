@@ -91,6 +91,7 @@ impl<G: StretchLaw, I: Influence, const D: usize> Material<D> for BondBased<G, I
     type Constants = BondBasedConstants;
     /// c
     type Shape = f64;
+    type Weights<R: Scalar> = ();
     type Moments<R: Scalar> = ();
     /// c/2
     type State<R: Scalar> = R;
@@ -103,7 +104,9 @@ impl<G: StretchLaw, I: Influence, const D: usize> Material<D> for BondBased<G, I
         Ok(constants.modulus() / if constants.continuum { constants.continuum_moment(h.horizon()) } else { first_moment })
     }
     #[inline(always)]
-    fn moments<S: Scalar>(&self, _: Family<S, D>) {}
+    fn weights<R: Scalar>(&self, _: &f64) {}
+    #[inline(always)]
+    fn moments<S: Scalar>(&self, (): &(), _: Family<S, D>) {}
     #[inline(always)]
     fn state_of<R: Scalar>(&self, _: &BondBasedConstants, c: &f64, (): &(), _: Place) -> R {
         R::of(0.5 * c)

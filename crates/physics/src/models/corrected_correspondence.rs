@@ -4,7 +4,7 @@ use crate::family::{Bond, Family, Place, Reference};
 use crate::influence::Influence;
 use crate::material::{Material, SingularFamily};
 use crate::scalar::{Scalar, array, lift};
-use crate::tensor::{Matrix, Vector};
+use crate::tensor::{Linear, Matrix, Vector};
 use crate::zero_energy::Control;
 
 /// Correspondence with a corrected influence function: the deformation gradient is exact for polynomials of degree `order`, not for
@@ -35,11 +35,15 @@ use crate::zero_energy::Control;
 /// energy whatever N.
 ///
 /// # Differs from the source
-/// the influence function stands in the moments (eq. 11 lost it); moments are those of ξ/δ; the order is lowered in families with too
+/// the influence function stands in the moments (eq. 11 lost it); moments are those of ξ over the power of two next to δ; the order is lowered in families with too
 /// few bonds, without which orders above the number of neighbours have no solution at the ends of a bar.
 ///
+/// # Computed
+/// as g of each bond, the same in F and in T. The integrals of η with every monomial, of which F and T are sums, would take two thirds of the
+/// operations, but monomials of high order cancel, and of the eight digits of a nearly singular bar (order 6, Fig. 3 of the paper) two would be lost.
+///
 /// # Verified by
-/// `physics/tests/contract.rs`, `physics/tests/corrected.rs`, `decks/papers/chowdhury2019`.
+/// `physics/tests/contract.rs`, `physics/tests/symbol.rs`, `catalog/tests/lattice.rs`, `decks/papers/chowdhury2019`.
 #[derive(Clone, Copy, Debug)]
 pub struct CorrectedCorrespondence<L, Z, I, const M: usize> {
     /// The constitutive law.
@@ -78,57 +82,87 @@ pub const LARGEST_ORDER: [usize; 3] = [10, 4, 3];
 /// Part of a monomial that the ones before it do not explain, below which a family cannot tell it from them.
 const DEPENDENT: f64 = 1e-8;
 
-/// The monomials of degree 1 on, by degree: each is a variable times an earlier one. Those beyond the `used` ones are zero.
-#[inline(always)]
-fn monomials<S: Scalar, const D: usize, const M: usize>(s: Vector<S, D>, used: usize) -> [S; M] {
-    let mut p = [S::of(0.0); M];
-    if D == 1 {
-        let mut power = s.0[0];
-        for entry in p.iter_mut().take(used) {
-            *entry = power;
-            power = power * s.0[0];
-        }
-        return p;
-    }
-    // the block of a degree begins with x times the whole block before, then y times its part without x, then z times its last
-    let (mut at, mut before, mut size) = (0, 0, 0);
-    while at < used {
-        if size == 0 {
-            p[..D].copy_from_slice(&s.0);
-            (at, size) = (D, D);
-            continue;
-        }
-        let degree_less = if D == 2 { size - 1 } else { triangular_root(size) };
-        let start = at;
-        for k in 0..size {
-            p[at] = s.0[0] * p[before + k];
-            at += 1;
-        }
-        if D == 2 {
-            p[at] = s.0[1] * p[before + size - 1];
-            at += 1;
-        } else {
-            // the last degree_less + 1 of the block have no x; the very last is a power of z
-            for k in size - degree_less - 1..size {
-                p[at] = s.0[1] * p[before + k];
-                at += 1;
+/// The monomials of degree 1 to N in `D` variables, by degree, as products: each is a variable times an earlier one.
+struct Monomials<const D: usize, const M: usize>;
+
+impl<const D: usize, const M: usize> Monomials<D, M> {
+    /// For each monomial the variable and the number of the earlier one, its own where there is none.
+    const FACTORS: [(usize, usize); M] = {
+        let mut factors = [(0, 0); M];
+        // the first variable of each: one that comes before it would make a monomial again that is there
+        let mut first = [0; M];
+        let (mut at, mut before, mut end) = (0, 0, 0);
+        while at < whole_degrees(D, M) {
+            let mut variable = 0;
+            while variable < D {
+                if end == 0 {
+                    (factors[at], first[at]) = ((variable, at), variable);
+                    at += 1;
+                }
+                let mut k = before;
+                while k < end {
+                    if first[k] >= variable {
+                        (factors[at], first[at]) = ((variable, k), variable);
+                        at += 1;
+                    }
+                    k += 1;
+                }
+                variable += 1;
             }
-            p[at] = s.0[D - 1] * p[before + size - 1];
-            at += 1;
+            (before, end) = (end, at);
         }
-        (before, size) = (start, at - start);
+        factors
+    };
+
+    /// The values of the `N` first ones, or of all.
+    #[inline(always)]
+    fn first<S: Scalar, const N: usize>(s: Vector<S, D>) -> [S; N] {
+        let mut p = [S::of(0.0); N];
+        for k in 0..const { if N < M { N } else { M } } {
+            let (variable, before) = Self::FACTORS[k];
+            p[k] = if before == k { s.0[variable] } else { s.0[variable] * p[before] };
+        }
+        p
     }
-    p
+
+    /// The values of the `used` first ones, zeros beyond.
+    fn of(s: Vector<f64, D>, used: usize) -> [f64; M] {
+        let mut p = Self::first(s);
+        p[used..].fill(0.0);
+        p
+    }
+
+    /// Their degrees.
+    fn degrees() -> [i32; M] {
+        let mut degrees = [1; M];
+        for (k, (_, before)) in Self::FACTORS.into_iter().enumerate() {
+            degrees[k] = if before == k { 1 } else { degrees[before] + 1 };
+        }
+        degrees
+    }
 }
 
-/// Degree n whose block in three variables has (n + 1)(n + 2)/2 monomials.
-#[inline(always)]
-const fn triangular_root(size: usize) -> usize {
-    let mut n = 0;
-    while (n + 1) * (n + 2) / 2 < size {
-        n += 1;
-    }
-    n
+/// Evaluates an expression with `$n` a number of monomials, known when the program is compiled, that holds the `$used` of whole degrees in `$d`
+/// variables: loops over them can then be written out.
+macro_rules! for_whole_degrees {
+    ($d:expr, $used:expr, $n:ident => $e:expr) => {
+        if $used <= 3 {
+            const $n: usize = 3;
+            $e
+        } else if $d < 3 && $used <= 5 {
+            const $n: usize = 5;
+            $e
+        } else if $used <= 9 {
+            const $n: usize = 9;
+            $e
+        } else if $d < 3 {
+            const $n: usize = 14;
+            $e
+        } else {
+            const $n: usize = 19;
+            $e
+        }
+    };
 }
 
 /// Largest ∫ |g||ξ| dV′, by which a correction of order N multiplies what bonds do at random, over the 2ᴺ of N points on one side.
@@ -138,12 +172,8 @@ pub const LARGEST_AMPLIFICATION: f64 = 2.0;
 /// What the reference family decides.
 #[derive(Clone, Copy, Debug)]
 pub struct CorrectedShape<A, const D: usize, const M: usize> {
-    /// g = ω · coefficients · p(ξ/δ)
+    /// g = ω · coefficients · p(ξ); zeros for monomials that are not in use.
     coefficients: [[f64; M]; D],
-    /// 1/δ
-    scale: f64,
-    /// Monomials in use.
-    used: usize,
     /// Whether the order was lowered.
     lowered: bool,
     /// K = ∫ ω ξ ⊗ ξ dV′
@@ -151,23 +181,8 @@ pub struct CorrectedShape<A, const D: usize, const M: usize> {
     control: A,
 }
 
-/// What a force needs: P − R, A (F − 1), A, and the weights g.
-pub type CorrectedState<R, A, const D: usize, const M: usize> = ((Matrix<R, D>, Matrix<R, D>), (A, ([[R; M]; D], R)));
-
-#[inline(always)]
-fn weight<S: Scalar, const D: usize, const M: usize>(coefficients: &[[S; M]; D], scale: S, used: usize, xi: Vector<S, D>) -> Vector<S, D> {
-    let p = monomials::<S, D, M>(xi * scale, used);
-    Vector(array(
-        #[inline(always)]
-        |a| {
-            let mut g = S::of(0.0);
-            for (c, p) in coefficients[a].iter().zip(&p) {
-                g = c.fma(*p, g);
-            }
-            g
-        },
-    ))
-}
+/// What a force needs: P − R, A (F − 1), A, and the coefficients of g.
+pub type CorrectedState<R, A, const D: usize, const M: usize> = ((Matrix<R, D>, Matrix<R, D>), (A, [[R; M]; D]));
 
 /// Coefficients of g for the highest order that the bonds (ξ/δ, ωV′) support, at most `order`: and that order, 0 where there is none.
 ///
@@ -175,7 +190,7 @@ fn weight<S: Scalar, const D: usize, const M: usize>(coefficients: &[[S; M]; D],
 fn solve<const D: usize, const M: usize>(bonds: &[(Vector<f64, D>, f64)], order: usize) -> ([[f64; M]; D], usize) {
     let used_at = |n: usize| monomial_count(D, n);
     let used = used_at(order);
-    let rows: Vec<[f64; M]> = bonds.iter().map(|(s, w)| monomials::<f64, D, M>(*s, used).map(|p| p * w.max(0.0).sqrt())).collect();
+    let rows: Vec<[f64; M]> = bonds.iter().map(|(s, w)| Monomials::<D, M>::of(*s, used).map(|p| p * w.max(0.0).sqrt())).collect();
     // Gram and Schmidt, twice, column by column
     let mut q = rows.clone();
     let mut r = [[0.0; M]; M];
@@ -227,7 +242,7 @@ fn solve<const D: usize, const M: usize>(bonds: &[(Vector<f64, D>, f64)], order:
                 }
             }
         }
-        let amplification: f64 = bonds.iter().map(|(s, w)| w * weight(&coefficients, 1.0, n, *s).norm() * s.norm()).sum();
+        let amplification: f64 = bonds.iter().map(|(s, w)| w * weight::<f64, D, M, M>(&coefficients, *s).norm() * s.norm()).sum();
         if order == 1 || amplification <= LARGEST_AMPLIFICATION * f64::powi(2.0, order as i32) {
             return (coefficients, order);
         }
@@ -235,55 +250,72 @@ fn solve<const D: usize, const M: usize>(bonds: &[(Vector<f64, D>, f64)], order:
     ([[0.0; M]; D], 0)
 }
 
+/// The weight g/ω of a bond, with the coefficients of the `N` first monomials.
+#[inline(always)]
+fn weight<S: Scalar, const D: usize, const M: usize, const N: usize>(coefficients: &[[S; M]; D], xi: Vector<S, D>) -> Vector<S, D> {
+    let p = Monomials::<D, M>::first::<S, N>(xi);
+    Vector(array(
+        #[inline(always)]
+        |d| {
+            let mut g = S::of(0.0);
+            for (c, p) in coefficients[d].iter().zip(&p) {
+                g = c.fma(*p, g);
+            }
+            g
+        },
+    ))
+}
+
 impl<L, Z, I: Influence, const M: usize> CorrectedCorrespondence<L, Z, I, M> {
+    /// Monomials in use; in families of a lower order some of their coefficients are zero.
+    #[inline(always)]
+    fn used<const D: usize>(&self) -> usize {
+        monomial_count(D, self.order)
+    }
     /// ∫ a ⊗ g dV′ and ∫ ω a ⊗ ξ dV′
     #[inline(always)]
-    fn gradient<S: Scalar, A: Copy, const D: usize>(
+    fn gradient<S: Scalar, const D: usize, const N: usize>(
         &self,
-        shape: &CorrectedShape<A, D, M>,
+        coefficients: &[[S; M]; D],
         h: Family<S, D>,
         a: impl Fn(Bond<S, D>) -> Vector<S, D>,
     ) -> (Matrix<S::Sum, D>, Matrix<S::Sum, D>) {
-        let coefficients = shape.coefficients.map(
-            #[inline(always)]
-            |row| row.map(S::of),
-        );
-        let scale = S::of(shape.scale);
-        h.integrate(
+        let mut sums = [<Matrix<S, D> as Linear<S>>::nothing(); 2];
+        h.each(
             #[inline(always)]
             |b| {
-                let (omega, xi) = (self.omega.at(b), b.xi());
-                let a = a(b) * omega;
-                (a.outer(weight(&coefficients, scale, shape.used, xi)), a.outer(xi))
+                let a = a(b) * (self.omega.at(b) * b.volume());
+                let xi = b.xi();
+                for (sum, weight) in sums.iter_mut().zip([weight::<S, D, M, N>(coefficients, xi), xi]) {
+                    sum.add_outer(a, weight);
+                }
             },
-        )
+        );
+        (sums[0].total(), sums[1].total())
     }
     /// The integrals of [`gradient`](Self::gradient), and the first with the rate of η.
     #[inline(always)]
-    fn integrals<S: Scalar, A: Copy, const D: usize>(
-        &self,
-        rate: bool,
-        shape: &CorrectedShape<A, D, M>,
-        h: Family<S, D>,
-    ) -> Integrals<S::Sum, D> {
-        let (gradient, moment) = self.gradient(
-            shape,
-            h,
-            #[inline(always)]
-            |b| b.eta(),
-        );
-        let rate = if rate && h.has_velocity() {
-            self.gradient(
-                shape,
+    fn integrals<S: Scalar, const D: usize>(&self, rate: bool, coefficients: &[[S; M]; D], h: Family<S, D>) -> Integrals<S::Sum, D> {
+        for_whole_degrees!(D, self.used::<D>(), N => {
+            let (gradient, moment) = self.gradient::<S, D, N>(
+                coefficients,
                 h,
                 #[inline(always)]
-                |b| b.eta_rate(),
-            )
-            .0
-        } else {
-            Matrix::zero()
-        };
-        ((gradient, rate), moment)
+                |b| b.eta(),
+            );
+            let rate = if rate && h.has_velocity() {
+                self.gradient::<S, D, N>(
+                    coefficients,
+                    h,
+                    #[inline(always)]
+                    |b| b.eta_rate(),
+                )
+                .0
+            } else {
+                Matrix::zero()
+            };
+            ((gradient, rate), moment)
+        })
     }
 }
 
@@ -305,26 +337,29 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
     const RATE: bool = L::RATE;
     const CONSERVATIVE: bool = L::HYPERELASTIC;
     const STORED_INFLUENCE: bool = I::STORED;
-    /// The integrals weigh bonds with what the reference family decides.
-    const ABREAST: bool = false;
     type Constants = L::Constants;
     type Shape = CorrectedShape<Z::Shape, D, M>;
+    type Weights<R: Scalar> = [[R; M]; D];
     type Moments<R: Scalar> = Integrals<R, D>;
     type State<R: Scalar> = CorrectedState<R, Z::State<R>, D, M>;
 
     fn shape(&self, c: &L::Constants, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
         let tensor: Matrix<f64, D> = h.integrate(|b| b.xi().outer(b.xi()) * self.omega.at(b));
         let inverse = tensor.inverse_if_regular(FLAT_FAMILY).ok_or(SingularFamily)?;
-        let scale = 1.0 / h.horizon();
+        // a power of two: between monomials of ξ over it and those of ξ no digit is lost, and high orders need them all
+        let scale = (-h.horizon().log2().round()).exp2();
         let mut bonds = vec![];
         h.each(|b| bonds.push((b.xi() * scale, self.omega.at(b) * b.volume())));
         let (mut coefficients, order) = solve::<D, M>(&bonds, self.order);
         if order == 0 {
             return Err(SingularFamily);
         }
-        coefficients.iter_mut().flatten().for_each(|c| *c *= scale);
+        // to monomials of ξ
+        for (k, degree) in Monomials::<D, M>::degrees().into_iter().enumerate() {
+            coefficients.iter_mut().for_each(|c| c[k] *= scale.powi(degree + 1));
+        }
         let control = self.control.shape(&self.law.stiffness(c), &inverse, self.omega, h);
-        Ok(CorrectedShape { coefficients, scale, used: monomial_count(D, order), lowered: order < self.order, tensor, control })
+        Ok(CorrectedShape { coefficients, lowered: order < self.order, tensor, control })
     }
     fn rebuilds(&self, _: &L::Constants) -> bool {
         true
@@ -332,12 +367,16 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
     fn reshape(&self, c: &L::Constants, _: &Self::Shape, h: Reference<D>) -> Result<Self::Shape, SingularFamily> {
         self.shape(c, h)
     }
-    fn moments<S: Scalar>(&self, _: Family<S, D>) -> Self::Moments<S::Sum> {
-        unreachable!("the integrals of a corrected influence function need the shape")
+    #[inline(always)]
+    fn weights<R: Scalar>(&self, shape: &Self::Shape) -> [[R; M]; D] {
+        shape.coefficients.map(
+            #[inline(always)]
+            |row| row.map(R::of),
+        )
     }
     #[inline(always)]
-    fn state<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> Self::State<S::Sum> {
-        self.state_of(c, shape, &self.integrals(L::RATE, shape, h), h.place())
+    fn moments<S: Scalar>(&self, coefficients: &[[S; M]; D], h: Family<S, D>) -> Self::Moments<S::Sum> {
+        self.integrals(L::RATE, coefficients, h)
     }
     #[inline(always)]
     fn state_of<R: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, moments: &Self::Moments<R>, place: Place) -> Self::State<R> {
@@ -347,26 +386,22 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
         let rest = moments.1 - f.gradient * shape.tensor.to();
         let (less_r, a) = self.control.state(&shape.control, Matrix::zero(), &rest);
         let (less_ah, _) = self.control.state(&shape.control, Matrix::zero(), &f.gradient);
-        let coefficients = shape.coefficients.map(
-            #[inline(always)]
-            |row| row.map(R::of),
-        );
-        ((p + less_r, less_ah), (a, (coefficients, R::of(shape.scale))))
+        ((p + less_r, less_ah), (a, self.weights(shape)))
     }
     #[inline(always)]
-    fn force<S: Scalar>(&self, ((q, less_ah), (a, (coefficients, scale))): &Self::State<S>, b: Bond<S, D>) -> Vector<S, D> {
+    fn force<S: Scalar>(&self, ((q, less_ah), (a, coefficients)): &Self::State<S>, b: Bond<S, D>) -> Vector<S, D> {
         let xi = b.xi();
         let control = self.control.force(
             a,
             #[inline(always)]
             || b.eta(),
         );
-        // coefficients of monomials that are not in use are zero
-        (*q * weight(coefficients, *scale, const { whole_degrees(D, M) }, xi) + *less_ah * xi + control) * self.omega.at(b)
+        let g = for_whole_degrees!(D, self.used::<D>(), N => weight::<S, D, M, N>(coefficients, xi));
+        q.times_plus(g, less_ah.times_plus(xi, control)) * self.omega.at(b)
     }
     #[inline(always)]
     fn energy_density<S: Scalar>(&self, c: &L::Constants, shape: &Self::Shape, h: Family<S, D>) -> S::Sum {
-        let f = deformation(L::MEMORY, &self.integrals(L::RATE, shape, h), h.place());
+        let f = deformation(L::MEMORY, &self.moments(&self.weights(shape), h), h.place());
         let gradient: Matrix<S, D> = lift::<S, _, _>(&f.gradient);
         let control = h.integrate(
             #[inline(always)]
@@ -376,14 +411,14 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize, const M: usize> Mat
     }
     fn commit(&self, c: &L::Constants, shape: &Self::Shape, h: Family<f64, D>, point: &mut [f64], _: &mut [&mut [f64]]) {
         if L::MEMORY > 0 {
-            self.law.commit(c, &deformation(L::MEMORY, &self.integrals(L::RATE, shape, h), h.place()), point);
+            self.law.commit(c, &deformation(L::MEMORY, &self.moments(&self.weights(shape), h), h.place()), point);
         }
     }
     fn displacement_gradient(&self, _: &L::Constants, shape: &Self::Shape, h: Family<f64, D>) -> Matrix<f64, D> {
-        self.integrals(false, shape, h).0.0
+        self.integrals(false, &self.weights(shape), h).0.0
     }
     fn out_of_plane_stress(&self, c: &L::Constants, shape: &Self::Shape, h: Family<f64, D>, _: &Matrix<f64, D>) -> f64 {
-        self.law.out_of_plane_stress(c, &deformation(L::MEMORY, &self.integrals(L::RATE, shape, h), h.place()))
+        self.law.out_of_plane_stress(c, &deformation(L::MEMORY, &self.moments(&self.weights(shape), h), h.place()))
     }
     fn shortfall(&self, shape: &Self::Shape) -> Option<&'static str> {
         shape.lowered.then_some("families with too few bonds for the order of the correction, which have a lower one")
@@ -400,9 +435,9 @@ mod tests {
         assert_eq!([1, 2, 3, 4].map(|n| monomial_count(2, n)), [2, 5, 9, 14]);
         assert_eq!([1, 2, 3].map(|n| monomial_count(3, n)), [3, 9, 19]);
         let (x, y, z) = (2.0, 3.0, 5.0);
-        assert_eq!(monomials::<f64, 1, 4>(Vector([x]), 4), [2.0, 4.0, 8.0, 16.0]);
-        assert_eq!(monomials::<f64, 2, 9>(Vector([x, y]), 9), [2.0, 3.0, 4.0, 6.0, 9.0, 8.0, 12.0, 18.0, 27.0]);
-        let p = monomials::<f64, 3, 19>(Vector([x, y, z]), 19);
+        assert_eq!(Monomials::<1, 4>::of(Vector([x]), 4), [2.0, 4.0, 8.0, 16.0]);
+        assert_eq!(Monomials::<2, 9>::of(Vector([x, y]), 9), [2.0, 3.0, 4.0, 6.0, 9.0, 8.0, 12.0, 18.0, 27.0]);
+        let p = Monomials::<3, 19>::of(Vector([x, y, z]), 19);
         assert_eq!(p[..9], [x, y, z, x * x, x * y, x * z, y * y, y * z, z * z]);
         let mut cubes: Vec<f64> = p[9..].to_vec();
         cubes.sort_by(f64::total_cmp);
@@ -424,7 +459,8 @@ mod tests {
         assert_eq!(order, 3);
         for m in 0..19 {
             for d in 0..3 {
-                let sum: f64 = bonds.iter().map(|(s, w)| w * monomials::<f64, 3, 19>(*s, 19)[m] * weight(&c, 1.0, 19, *s).0[d]).sum();
+                let sum: f64 =
+                    bonds.iter().map(|(s, w)| w * Monomials::<3, 19>::of(*s, 19)[m] * weight::<f64, 3, 19, 19>(&c, *s).0[d]).sum();
                 assert!((sum - f64::from(u8::from(m == d))).abs() < 1e-13, "{m} {d} {sum}");
             }
         }

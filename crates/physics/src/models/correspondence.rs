@@ -74,6 +74,7 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
     type Constants = L::Constants;
     /// K⁻¹ and A
     type Shape = (Matrix<f64, D>, Z::Shape);
+    type Weights<R: Scalar> = ();
     /// ∫ ω η ⊗ ξ dV′, and with the rate of η
     type Moments<R: Scalar> = (Matrix<R, D>, Matrix<R, D>);
     /// P K⁻¹ − A (F − 1), and A
@@ -91,7 +92,9 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
         self.shape(c, h)
     }
     #[inline(always)]
-    fn moments<S: Scalar>(&self, h: Family<S, D>) -> Self::Moments<S::Sum> {
+    fn weights<R: Scalar>(&self, _: &Self::Shape) {}
+    #[inline(always)]
+    fn moments<S: Scalar>(&self, (): &(), h: Family<S, D>) -> Self::Moments<S::Sum> {
         let gradient = h.integrate(
             #[inline(always)]
             |b| b.eta().outer(b.xi() * self.omega.at(b)),
@@ -129,7 +132,7 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
     }
     #[inline(always)]
     fn energy_density<S: Scalar>(&self, c: &L::Constants, (inverse, a): &Self::Shape, h: Family<S, D>) -> S::Sum {
-        let f = deformation(L::MEMORY, inverse, &self.moments(h), h.place());
+        let f = deformation(L::MEMORY, inverse, &self.moments(&(), h), h.place());
         let gradient: Matrix<S, D> = lift::<S, _, _>(&f.gradient);
         let control = h.integrate(
             #[inline(always)]
@@ -139,10 +142,10 @@ impl<L: Law<D>, Z: Control<D>, I: Influence, const D: usize> Material<D> for Cor
     }
     fn commit(&self, c: &L::Constants, (inverse, _): &Self::Shape, h: Family<f64, D>, point: &mut [f64], _: &mut [&mut [f64]]) {
         if L::MEMORY > 0 {
-            self.law.commit(c, &deformation(L::MEMORY, inverse, &self.moments(h), h.place()), point);
+            self.law.commit(c, &deformation(L::MEMORY, inverse, &self.moments(&(), h), h.place()), point);
         }
     }
     fn out_of_plane_stress(&self, c: &L::Constants, (inverse, _): &Self::Shape, h: Family<f64, D>, _: &Matrix<f64, D>) -> f64 {
-        self.law.out_of_plane_stress(c, &deformation(L::MEMORY, inverse, &self.moments(h), h.place()))
+        self.law.out_of_plane_stress(c, &deformation(L::MEMORY, inverse, &self.moments(&(), h), h.place()))
     }
 }

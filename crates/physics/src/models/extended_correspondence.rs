@@ -303,6 +303,7 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
     const STORED_INFLUENCE: bool = I::STORED;
     type Constants = L::Constants;
     type Shape = BondStrainShape;
+    type Weights<R: Scalar> = ();
     /// ∫ ω ε n⊗n dV′ (Mandel)
     type Moments<R: Scalar> = Symmetric<R, D>;
     /// Q with unequal indices doubled, and s: T = ω (n·Q n + s ε) c^(m − 1) Y/|ξ|²
@@ -344,7 +345,9 @@ impl<L: StrainLaw<D>, I: Influence, const D: usize> Material<D> for ExtendedCorr
         Ok(BondStrainShape { moment: self.moment(h), ..*shape })
     }
     #[inline(always)]
-    fn moments<S: Scalar>(&self, h: Family<S, D>) -> Symmetric<S::Sum, D> {
+    fn weights<R: Scalar>(&self, _: &BondStrainShape) {}
+    #[inline(always)]
+    fn moments<S: Scalar>(&self, (): &(), h: Family<S, D>) -> Symmetric<S::Sum, D> {
         self.sum(h)
     }
     #[inline(always)]

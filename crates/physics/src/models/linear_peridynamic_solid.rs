@@ -82,6 +82,7 @@ impl<I: Influence, const D: usize> Material<D> for LinearPeridynamicSolid<I> {
     type Constants = LinearPeridynamicSolidConstants;
     /// m
     type Shape = f64;
+    type Weights<R: Scalar> = ();
     /// m θ/d = ∫ ω |ξ| e dV′
     type Moments<R: Scalar> = R;
     /// a = d κ θ/m − α θ/d, and α: T = ω (a |ξ| + α e) y
@@ -98,7 +99,9 @@ impl<I: Influence, const D: usize> Material<D> for LinearPeridynamicSolid<I> {
         if c.rebuild { self.shape(c, h) } else { Ok(*m) }
     }
     #[inline(always)]
-    fn moments<S: Scalar>(&self, h: Family<S, D>) -> S::Sum {
+    fn weights<R: Scalar>(&self, _: &f64) {}
+    #[inline(always)]
+    fn moments<S: Scalar>(&self, (): &(), h: Family<S, D>) -> S::Sum {
         h.integrate(
             #[inline(always)]
             |b| self.omega.at(b) * b.length() * b.extension().0,

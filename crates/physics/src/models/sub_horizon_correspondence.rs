@@ -162,6 +162,7 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
     const SUB_HORIZONS: usize = N;
     type Constants = L::Constants;
     type Shape = SubHorizonShape<D, N>;
+    type Weights<R: Scalar> = ();
     /// ∫ ω η ⊗ ξ dV′ over every sub-horizon, and with the rate of η
     type Moments<R: Scalar> = Integrals<R, D, N>;
     /// 1 where the whole family serves, and P_α K_α⁻¹/N
@@ -196,7 +197,9 @@ impl<L: Law<D>, I: Influence, const D: usize, const N: usize> Material<D> for Su
         self.shape(c, h)
     }
     #[inline(always)]
-    fn moments<S: Scalar>(&self, h: Family<S, D>) -> Self::Moments<S::Sum> {
+    fn weights<R: Scalar>(&self, _: &Self::Shape) {}
+    #[inline(always)]
+    fn moments<S: Scalar>(&self, (): &(), h: Family<S, D>) -> Self::Moments<S::Sum> {
         self.integrals(L::RATE, false, h)
     }
     fn is_regular(&self, shape: &Self::Shape) -> bool {
