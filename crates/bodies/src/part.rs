@@ -258,14 +258,14 @@ impl<M: Material<D>, const D: usize> Assigned<M, D> {
 }
 
 /// The points of two groups that are taken abreast.
-struct Lanes<'a> {
+struct TwoGroups<'a> {
     chunk: usize,
     c: &'a Configuration<'a, f64>,
     groups: [&'a Group; 2],
     /// A bit for each of the part's points.
     lanes: u16,
 }
-impl Lanes<'_> {
+impl TwoGroups<'_> {
     /// Calls `f` with each lane and its point.
     #[inline(always)]
     fn each<S: Abreast>(&self, mut f: impl FnMut(usize, usize)) {
@@ -301,24 +301,24 @@ impl Lanes<'_> {
 impl<M: Material<D>, const D: usize> Assigned<M, D> {
     /// What the integrals must know of the shapes.
     #[inline(always)]
-    fn weights_of<S: Abreast>(&self, points: &Lanes) -> M::Weights<S> {
+    fn weights_of<S: Abreast>(&self, points: &TwoGroups) -> M::Weights<S> {
         let (place, shapes) = (&self.place[points.chunk], &self.shapes[points.chunk]);
-        let mut weights = [Lanes::nothing::<M::Weights<f64>>(); 2 * WIDTH];
+        let mut weights = [TwoGroups::nothing::<M::Weights<f64>>(); 2 * WIDTH];
         if <M::Weights<f64> as Record<f64>>::WORDS > 0 {
             points.each::<S>(
                 #[inline(always)]
                 |l, i| weights[l] = self.material.weights(&shapes[place[i] as usize]),
             );
         }
-        Lanes::together(&weights)
+        TwoGroups::together(&weights)
     }
 
     /// What families reduce to: shapes and laws are of one point at a time.
     #[inline(always)]
-    fn states_of<S: Abreast>(&self, points: &Lanes, moments: &M::Moments<S>) -> M::State<S> {
+    fn states_of<S: Abreast>(&self, points: &TwoGroups, moments: &M::Moments<S>) -> M::State<S> {
         let chunk = points.chunk;
         let (first, place, shapes) = (self.points[chunk].0, &self.place[chunk], &self.shapes[chunk]);
-        let mut states = [Lanes::nothing::<M::State<f64>>(); 2 * WIDTH];
+        let mut states = [TwoGroups::nothing::<M::State<f64>>(); 2 * WIDTH];
         points.each::<S>(
             #[inline(always)]
             |l, i| {
@@ -331,7 +331,7 @@ impl<M: Material<D>, const D: usize> Assigned<M, D> {
                 states[l] = self.material.state_of(self.constants.at(first + i), shape, &moments, Place::new(points.c, i));
             },
         );
-        Lanes::together(&states)
+        TwoGroups::together(&states)
     }
 }
 
@@ -394,7 +394,7 @@ impl<M: Material<D>, const D: usize> OnLattice<'_, M, D> {
                     },
                 );
             } else {
-                let points = Lanes { chunk: self.chunk, c: self.c, groups: [first, second], lanes };
+                let points = TwoGroups { chunk: self.chunk, c: self.c, groups: [first, second], lanes };
                 let moments = material.moments(&self.part.weights_of(&points), family);
                 let state = self.part.states_of(&points, &moments);
                 family.each(
