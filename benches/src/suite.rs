@@ -23,9 +23,11 @@ use std::fmt::Write as _;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-/// Force evaluations and steps of one timing; fewer where timings are compared one by one, so that both are of the same moment.
+/// Force evaluations and steps of one timing.
 const TIMES: [usize; 2] = [3, 8];
-const FEW_TIMES: [usize; 2] = [1, 2];
+/// Seconds on one core of one timing where one core is compared with two: so long that waking the second, a matter of milliseconds, does not
+/// count, and so short that the machine is the same for both.
+const SPAN: f64 = 0.15;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -143,7 +145,7 @@ struct Times {
 /// machine gives to programs that have nothing to do with each other: its cores share memory and power, and virtual ones share cores.
 fn two_cores(one: &ThreadPool, all: &ThreadPool, wanted: &impl Fn(&&Model) -> bool, (quick, large): (bool, bool), csv: &mut String) {
     let other = ThreadPoolBuilder::new().num_threads(1).build().expect("threads start");
-    let (many, few) = (if quick { 9 } else { 31 }, 9);
+    let (many, few) = (if quick { 5 } else { 15 }, 5);
     println!(
         "Two cores: the time of one core over twice that of two, median of {many} rounds ({few} where there are more than 10^5 points) \
          [quartiles];\nand beside two separate runs at once"
@@ -164,8 +166,9 @@ fn two_cores(one: &ThreadPool, all: &ThreadPool, wanted: &impl Fn(&&Model) -> bo
         let (mut a, mut b) = all.install(|| (block_under(model, cells, push), block_under(model, cells, push)));
         let name = if push == Push::LoadAndWall { format!("{}, load and wall", model.name) } else { model.name.into() };
         let mut ratios = [const { vec![] }; 4];
+        let times = [time_force, time_step].map(|time| (SPAN / one.install(|| time(&mut a, 2))).ceil() as usize);
         for _ in 0..if a.points > 100_000 { few } else { many } {
-            for (k, (time, n)) in [time_force, time_step].into_iter().zip(FEW_TIMES).enumerate() {
+            for (k, (time, n)) in [time_force, time_step].into_iter().zip(times).enumerate() {
                 let alone = one.install(|| time(&mut a, n));
                 let shared = all.install(|| time(&mut a, n));
                 let (x, y) = std::thread::scope(|s| {

@@ -17,24 +17,52 @@ pub const MOST_NEIGHBORS: usize = MOST_LOCAL / 2 - 1;
 
 /// Points per chunk: large enough that halos stay small, small enough to occupy the threads of a small problem.
 const CHUNK_POINTS: std::ops::RangeInclusive<usize> = 256..=8192;
-/// Chunks that a body of moderate size is cut into.
-const CHUNKS: usize = 16;
+/// Chunks that a body of moderate size is cut into. At the end of a loop a thread waits for the last chunk of another, half of one on average;
+/// twice as many would halve that, and cost some hundredths of the time of one thread in halos.
+const CHUNKS: usize = 32;
 
 /// Forces of one chunk's halo that belong to another chunk's points.
 struct Inflow {
     /// Chunk whose halo holds them.
     source: u32,
-    /// Place in the halo there, owned local index here, reflected components.
-    pairs: Vec<(u16, u16, u8)>,
+    runs: Vec<InflowRun>,
+}
+
+/// Places of a halo that are points in a row of another chunk.
+struct InflowRun {
+    /// First place in the halo, and first owned local index.
+    halo: u16,
+    owned: u16,
+    length: u16,
+    /// Reflected components.
+    flip: u8,
 }
 
 impl Inflow {
+    /// One more place of the halo, behind those that are here.
+    fn push(&mut self, halo: usize, owned: usize, flip: u8) {
+        if let Some(run) = self.runs.last_mut()
+            && run.flip == flip
+            && [run.halo, run.owned].map(|first| usize::from(first) + usize::from(run.length)) == [halo, owned]
+        {
+            run.length += 1;
+            return;
+        }
+        self.runs.push(InflowRun { halo: halo as u16, owned: owned as u16, length: 1, flip });
+    }
+
     /// Adds the forces on the halo to those of its points.
     fn add<const D: usize>(&self, out: &mut [f64], halo_force: &[f64]) {
-        for &(h, i, flip) in &self.pairs {
-            for k in 0..D {
-                let f = halo_force[h as usize * D + k];
-                out[i as usize * D + k] += if flip >> k & 1 == 1 { -f } else { f };
+        for run in &self.runs {
+            let words = run.length as usize * D;
+            let out = &mut out[run.owned as usize * D..][..words];
+            let force = &halo_force[run.halo as usize * D..][..words];
+            if run.flip == 0 {
+                out.iter_mut().zip(force).for_each(|(o, f)| *o += f);
+                continue;
+            }
+            for (o, f) in out.chunks_exact_mut(D).zip(force.chunks_exact(D)) {
+                (0..D).for_each(|k| o[k] += if run.flip >> k & 1 == 1 { -f[k] } else { f[k] });
             }
         }
     }
@@ -120,10 +148,9 @@ impl<const D: usize> Body<D> {
                 let p = c.points[l] as usize;
                 let target = p / chunk_points;
                 if inflow[target].last().is_none_or(|i| i.source != s as u32) {
-                    inflow[target].push(Inflow { source: s as u32, pairs: vec![] });
+                    inflow[target].push(Inflow { source: s as u32, runs: vec![] });
                 }
-                let place = (p - target * chunk_points) as u16;
-                inflow[target].last_mut().expect("just pushed").pairs.push(((l - c.owned) as u16, place, c.flips[l]));
+                inflow[target].last_mut().expect("just pushed").push(l - c.owned, p - target * chunk_points, c.flips[l]);
             }
         }
         let mut chunks = chunks;
@@ -167,7 +194,7 @@ impl<const D: usize> Body<D> {
     /// Bytes of bonds, points, and shapes with constants.
     pub fn bytes(&self) -> (usize, usize, usize) {
         let (b, p) = self.chunks.iter().map(Chunk::bytes).fold((0, 0), |a, c| (a.0 + c.0, a.1 + c.1));
-        let exchange: usize = self.inflow.iter().flatten().map(|i| i.pairs.len() * 6).sum();
+        let exchange: usize = self.inflow.iter().flatten().map(|i| i.runs.len() * size_of::<InflowRun>()).sum();
         (b, p + exchange + self.points * 32, self.parts.iter().map(|q| q.bytes()).sum())
     }
     /// What the shapes of each material had to do without, and in how many families.

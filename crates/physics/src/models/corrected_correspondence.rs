@@ -142,6 +142,9 @@ impl<const D: usize, const M: usize> Monomials<D, M> {
     }
 }
 
+/// Monomials of order 3 in space: [`for_whole_degrees`] knows no more.
+const MOST_MONOMIALS: usize = 19;
+
 /// Evaluates an expression with `$n` a number of monomials, known when the program is compiled, that holds the `$used` of whole degrees in `$d`
 /// variables: loops over them can then be written out.
 macro_rules! for_whole_degrees {
@@ -155,11 +158,11 @@ macro_rules! for_whole_degrees {
         } else if $used <= 9 {
             const $n: usize = 9;
             $e
-        } else if $d < 3 {
+        } else if $d < 3 && $used <= 14 {
             const $n: usize = 14;
             $e
         } else {
-            const $n: usize = 19;
+            const $n: usize = MOST_MONOMIALS;
             $e
         }
     };
@@ -184,10 +187,11 @@ pub struct CorrectedShape<A, const D: usize, const M: usize> {
 /// What a force needs: P − R, A (F − 1), A, and the coefficients of g.
 pub type CorrectedState<R, A, const D: usize, const M: usize> = ((Matrix<R, D>, Matrix<R, D>), (A, [[R; M]; D]));
 
-/// Coefficients of g for the highest order that the bonds (ξ/δ, ωV′) support, at most `order`: and that order, 0 where there is none.
+/// Coefficients of g for the highest order that the bonds (ξ over a length near δ, ωV′) support, at most `order`: and that order, 0 where there is none.
 ///
 /// With the rows √(ωV′) pᵀ = Q R the coefficients are the first columns of R⁻¹R⁻ᵀ: half the digits of M would be lost by forming it.
 fn solve<const D: usize, const M: usize>(bonds: &[(Vector<f64, D>, f64)], order: usize) -> ([[f64; M]; D], usize) {
+    const { assert!(M <= MOST_MONOMIALS, "monomials beyond these would be left out without a word") };
     let used_at = |n: usize| monomial_count(D, n);
     let used = used_at(order);
     let rows: Vec<[f64; M]> = bonds.iter().map(|(s, w)| Monomials::<D, M>::of(*s, used).map(|p| p * w.max(0.0).sqrt())).collect();
